@@ -170,22 +170,21 @@ fn read_in(
 /// Adds an object to the scene and counts repairs.
 fn add_object(object: Object, palette: &mut Palette, loaded: &mut Loaded, repairs: &mut Repairs) {
     let Object { mut mesh, runs, cage, .. } = object;
-    let total = mesh.triangles.len() as u32;
-    let ends: Vec<u32> = runs.iter().skip(1).map(|r| r.first_triangle).chain([total]).collect();
-    let kept = |from: u32, to: u32| {
-        let finite = |&i: &u32| mesh.positions[i as usize].iter().all(|x| x.is_finite());
-        mesh.triangles[from as usize..to as usize].iter().filter(|t| t.iter().all(finite)).count() as u32
-    };
-    let counts: Vec<u32> = runs.iter().zip(&ends).map(|(r, &end)| kept(r.first_triangle, end)).collect();
+    let ends = runs.iter().skip(1).map(|run| run.first_triangle).chain([mesh.triangles.len() as u32]);
+    // Materials are indices of runs until the repair has dropped empty parts.
+    let parts = (0..).zip(&runs).zip(ends).map(|((i, &Run { first_triangle, .. }), end)| MeshPart {
+        first_triangle,
+        triangle_count: end - first_triangle,
+        material: MaterialId(i),
+    });
+    mesh.parts = parts.filter(|part| part.triangle_count > 0).collect();
     repairs.repair(&mut mesh);
     if mesh.triangles.is_empty() {
         return;
     }
-    let (mut first_triangle, has_colors) = (0, !mesh.colors.is_empty());
-    for (run, triangle_count) in runs.iter().zip(counts).filter(|(_, n)| *n > 0) {
-        let material = palette.id(run.material, has_colors, loaded);
-        mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
-        first_triangle += triangle_count;
+    let has_colors = !mesh.colors.is_empty();
+    for part in &mut mesh.parts {
+        part.material = palette.id(runs[part.material.index()].material, has_colors, loaded);
     }
     if let Some((mut cage, names)) = cage {
         cage.materials = names.into_iter().map(|name| palette.id(name, has_colors, loaded)).collect();

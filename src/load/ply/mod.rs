@@ -249,19 +249,15 @@ fn finish(
         mesh_tools::place_at_origin(path, origin, &mut loaded);
         return Ok(loaded);
     }
-    let counts = runs.map(|runs| sort_by_run(&mut mesh, runs));
+    let materials = runs.map_or(1, |runs| sort_by_run(&mut mesh, runs));
     let mut repairs = Repairs::default();
     repairs.repair(&mut mesh);
     loaded.warnings.extend(repairs.warnings(path));
     let too_many = || Error::input(path, "has more than 4,294,967,295 triangles or vertices");
     u32::try_from(mesh.positions.len()).map_err(|_| too_many())?;
-    let all = u32::try_from(mesh.triangles.len()).map_err(|_| too_many())?;
-    let mut first_triangle = 0;
-    let counts = counts.unwrap_or_else(|| vec![(0, all)]);
-    let materials = counts.last().map_or(1, |(last, _)| last + 1);
-    for (material, triangle_count) in counts {
-        mesh.parts.push(MeshPart { first_triangle, triangle_count, material: MaterialId(material) });
-        first_triangle += triangle_count;
+    let triangle_count = u32::try_from(mesh.triangles.len()).map_err(|_| too_many())?;
+    if mesh.parts.is_empty() {
+        mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material: MaterialId(0) });
     }
     for i in 0..materials {
         let mut material = Material::lambert("default", [0.8; 3]);
@@ -280,18 +276,16 @@ fn finish(
     Ok(loaded)
 }
 
-/// Sorts a mesh's triangles by run; returns for each run its material and its number of triangles with finite positions,
-/// which repairs keep.
-fn sort_by_run(mesh: &mut Mesh, runs: Runs) -> Vec<(u32, u32)> {
+/// Sorts a mesh's triangles into one part for each run; returns the number of materials.
+fn sort_by_run(mesh: &mut Mesh, Runs { runs, are_materials }: Runs) -> u32 {
     mesh.triangles.clear();
-    let finite = |t: &&[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
-    let are_materials = runs.are_materials;
-    let count = |(i, run): (usize, Run)| {
-        let count = run.triangles.iter().filter(finite).count() as u32;
+    for (i, run) in runs.into_iter().enumerate() {
+        let material = MaterialId(if are_materials { run.number as u32 } else { i as u32 });
+        let (first_triangle, triangle_count) = (mesh.triangles.len() as u32, run.triangles.len() as u32);
         mesh.triangles.extend(run.triangles);
-        (if are_materials { run.number as u32 } else { i as u32 }, count)
-    };
-    runs.runs.into_iter().enumerate().map(count).collect()
+        mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
+    }
+    mesh.parts.last().map_or(1, |part| part.material.0 + 1)
 }
 
 /// Index of the texture file of each material, if any.

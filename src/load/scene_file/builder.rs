@@ -212,11 +212,7 @@ impl Linking {
         let Some(set) = ObjectSet::new(number) else {
             let max = ObjectSet::COUNT;
             let message = format!("the lights of the file are linked to more than {max} sets of objects");
-            fields.problems.push_help(
-                fields.span(),
-                message,
-                "use the same lists of names for several lights",
-            );
+            fields.report_help(message, "use the same lists of names for several lights");
             return None;
         };
         if known.is_none() {

@@ -89,11 +89,8 @@ pub(super) fn adjust(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut
                 let help = suggestion(name.value, names, format!("it has {} cameras", cameras.len()));
                 fields.problems.push_help(name.span, message, help);
             }
-            None => fields.problems.push_help(
-                fields.span(),
-                "the model has no camera to adjust",
-                "place one by 'look_from' and 'look_at'",
-            ),
+            None => fields
+                .report_help("the model has no camera to adjust", "place one by 'look_from' and 'look_at'"),
         }
         // Marks the lens keys as known.
         lens(fields, &DAffine3::IDENTITY, Some(1.0));
@@ -121,8 +118,7 @@ fn read_with_motion(build: &mut SceneFileBuilder, fields: &Fields, assets: &mut 
     };
     let (Some(motion), Some(mut camera)) = (&motion, camera.clone()) else { return camera };
     if camera.motion.is_some() {
-        let message = "this camera is animated in its file: leave 'motion' out";
-        fields.problems.push(fields.span(), message);
+        fields.report("this camera is animated in its file: leave 'motion' out");
     }
     let (now, keyframes) = transform::with_motion(camera.world_from_camera, Some(motion));
     camera.world_from_camera = if may_scale { without_scale(&now).unwrap_or(now) } else { now };
@@ -237,7 +233,7 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
         None => None,
     };
     let fail = |message: &str| {
-        fields.problems.push(fields.span(), message);
+        fields.report(message);
         None
     };
     if !fields.exclusive(["focus_distance", "focus_at"]) || !fields.exclusive(["defocus_angle", "f_stop"]) {
@@ -310,8 +306,7 @@ fn placed_camera(fields: &Fields) -> Option<Camera> {
 /// The placement of a camera by `transform`, without a default focus distance.
 fn placement_by_transform(fields: &Fields) -> Option<(DAffine3, Option<f64>)> {
     if let Some(key) = ["look_from", "look_at", "view_up"].into_iter().find(|key| fields.has(key)) {
-        let message = format!("'transform' and '{key}' exclude each other: keep one");
-        fields.problems.push(fields.span(), message);
+        fields.report(format!("'transform' and '{key}' exclude each other: keep one"));
     }
     without_scale(&transform::read(fields)).map(|placement| (placement, None))
 }
@@ -397,8 +392,7 @@ fn has_round_aperture(fields: &Fields) -> bool {
     else {
         return true;
     };
-    let message = format!("panoramas have a round aperture: '{key}' has no effect");
-    fields.problems.push_help(fields.span(), message, "leave it out");
+    fields.report_help(format!("panoramas have a round aperture: '{key}' has no effect"), "leave it out");
     false
 }
 

@@ -58,7 +58,7 @@ fn read_table<'a>(
         (true, false) => (strands(fields)?, fields.span(), CurveBasis::default()),
         (false, true) => from_file(build, fields, &name)?,
         _ => {
-            fields.problems.push(fields.span(), format!("{name} need exactly one of 'strands' and 'file'"));
+            fields.report(format!("{name} need exactly one of 'strands' and 'file'"));
             return None;
         }
     };

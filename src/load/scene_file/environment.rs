@@ -81,7 +81,7 @@ pub(super) fn read<'a>(build: &mut SceneFileBuilder, fields: &Fields<'a>, textur
     if count != 1 {
         let message =
             "'environment' needs exactly one of 'background', 'sky', 'image' and 'texture', or 'fog' alone";
-        return fields.problems.push(fields.span(), message);
+        return fields.report(message);
     }
     if let Some(sun) = sun {
         add_sun(build, &sun, fields.has("sky"));
@@ -118,10 +118,10 @@ fn constant_or_image<'a>(
     });
     let has_image = fields.has("image") || fields.has("texture");
     if !has_image && (fields.has("rotation") || fields.has("strength")) {
-        fields.problems.push(fields.span(), "'rotation' and 'strength' need an environment image or texture");
+        fields.report("'rotation' and 'strength' need an environment image or texture");
     }
     if width.is_some() && !fields.has("texture") {
-        fields.problems.push(fields.span(), "'resolution' needs an environment texture");
+        fields.report("'resolution' needs an environment texture");
     }
     if let Some(c) = background {
         return Some(Environment::Constant(c.value));
@@ -145,9 +145,7 @@ fn read_camera_background<'a>(
     let background = constant_or_image(build, fields, textures);
     fields.finish();
     if ["background", "image", "texture"].iter().filter(|key| fields.has(key)).count() != 1 {
-        fields
-            .problems
-            .push(fields.span(), "'seen' needs exactly one of 'background', 'image' and 'texture'");
+        fields.report("'seen' needs exactly one of 'background', 'image' and 'texture'");
     }
     background
 }
@@ -166,8 +164,7 @@ fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, has_sky: bool) {
         return fields.problems.push(direction.span, "'direction' must be longer than 0");
     };
     if has_sky {
-        let message = "'sky' has its own sun: leave 'sun' out";
-        return fields.problems.push(fields.span(), message);
+        return fields.report("'sky' has its own sun: leave 'sun' out");
     }
     sky::add_sun(&mut build.loaded.scene, unit_direction, angle.to_radians(), irradiance.value);
 }
@@ -176,7 +173,7 @@ fn add_sun(build: &mut SceneFileBuilder, fields: &Fields, has_sky: bool) {
 fn add_physical_sky(build: &mut SceneFileBuilder, sky: &Fields) {
     if sky.has("nadir") || sky.has("zenith") {
         let message = "'nadir' and 'zenith' belong to a gradient, 'sun_elevation' and others to a clear sky: use one kind";
-        sky.problems.push(sky.span(), message);
+        sky.report(message);
     }
     let elevation = sky.number_in("sun_elevation", 0.0..90.0, 45.0);
     sky.require("sun_elevation", sky.has("sun_elevation").then_some(()));
@@ -194,7 +191,7 @@ fn add_physical_sky(build: &mut SceneFileBuilder, sky: &Fields) {
         strength: sky.number_in("strength", 0.0..1e9, 1.0),
     };
     if let Err(error) = physical.add_to(&mut build.loaded.scene) {
-        sky.problems.push(sky.span(), error.to_string());
+        sky.report(error.to_string());
     }
 }
 

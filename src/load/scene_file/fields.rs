@@ -282,9 +282,19 @@ impl<'a> Fields<'a> {
     pub fn require<T>(&self, key: &str, value: Option<T>) -> Option<T> {
         // A value of the wrong type was reported already.
         if value.is_none() && !self.table.contains_key(key) {
-            self.problems.push(self.span(), format!("{} needs '{key}'", self.description));
+            self.report(format!("{} needs '{key}'", self.description));
         }
         value
+    }
+
+    /// Adds a problem of the table.
+    pub fn report(&self, message: impl Into<Message>) {
+        self.problems.push(self.span(), message);
+    }
+
+    /// Adds a problem of the table, with help.
+    pub fn report_help(&self, message: impl Into<Message>, help: impl Into<String>) {
+        self.problems.push_help(self.span(), message, help);
     }
 
     /// Reports keys that exclude each other; returns whether the table has at most one of them.
@@ -293,7 +303,7 @@ impl<'a> Fields<'a> {
             keys.into_iter().filter(|key| self.has(key)).map(|key| format!("'{key}'")).collect();
         if given.len() > 1 {
             let message = format!("{} exclude each other: keep one", given.join(" and "));
-            self.problems.push(self.span(), message);
+            self.report(message);
         }
         given.len() <= 1
     }

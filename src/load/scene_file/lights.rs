@@ -541,7 +541,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
     if strength.is_some() && photometric != (None, None) {
         let message =
             "'strength' scales the intensity of the 'ies' file, which 'power' and 'intensity' replace";
-        fields.problems.push(fields.span(), message);
+        fields.report(message);
     }
     let is_clockwise = fields.flag("clockwise", false);
     let profile = if is_clockwise { profile.map(LightProfile::mirrored) } else { profile };
@@ -551,8 +551,7 @@ fn read_profile(build: &SceneFileBuilder, fields: &Fields) -> Option<(Arc<LightP
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(COSINE_STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,
         (Some(_), Some(_)) => {
-            let message = "'power' and 'intensity' exclude each other: keep one, or with 'ies' none";
-            fields.problems.push(fields.span(), message);
+            fields.report("'power' and 'intensity' exclude each other: keep one, or with 'ies' none");
             return None;
         }
     };

@@ -377,13 +377,13 @@ fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
         return Model::Dielectric { ior, tint, fresnel };
     }
     if is_thin && fields.has("medium") {
-        fields.problems.push(fields.span(), "thin glass has no inside for a 'medium'");
+        fields.report("thin glass has no inside for a 'medium'");
     }
     if ior < 1.0 {
-        fields.problems.push(fields.span(), "the 'ior' of rough or thin glass must be at least 1");
+        fields.report("the 'ior' of rough or thin glass must be at least 1");
     }
     if fresnel != FresnelModel::Exact {
-        fields.problems.push(fields.span(), "rough or thin glass has exact reflectance: leave 'fresnel' out");
+        fields.report("rough or thin glass has exact reflectance: leave 'fresnel' out");
     }
     Model::Glass { ior, tint, roughness: FloatSlot::constant(roughness), is_thin }
 }
@@ -447,7 +447,7 @@ pub(super) fn measured_metal(fields: &Fields) -> Option<MeasuredMetal> {
     let name = fields.string("name").map_or("", |name| name.value);
     let found = found.map(|found| MeasuredMetal { metal: Metal::named(name), ..found });
     if found.is_some() && fields.has("color") {
-        fields.problems.push(fields.span(), "'name' gives the metal its colour: leave 'color' out");
+        fields.report("'name' gives the metal its colour: leave 'color' out");
     }
     found
 }
@@ -457,7 +457,7 @@ fn read_hair(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSl
     let radial = fraction("radial_roughness", 0.3);
     fields.exclusive(["color", "melanin", "absorption"]);
     if fields.has("melanin_redness") && !fields.has("melanin") {
-        fields.problems.push(fields.span(), "'melanin_redness' needs 'melanin'");
+        fields.report("'melanin_redness' needs 'melanin'");
     }
     let color = if fields.has("melanin") {
         let absorption = absorption_of_melanin(fraction("melanin", 0.5), fraction("melanin_redness", 0.5));
@@ -602,7 +602,7 @@ pub(super) fn adjust_material<'a>(
     let mut material = build.loaded.scene.materials[index].clone();
     let Model::Pbr(mut model) = material.model.clone() else {
         let message = format!("material '{}' of the model is unlit and has no parameters", material.name);
-        fields.problems.push_help(fields.span(), message, "give it a 'type'");
+        fields.report_help(message, "give it a 'type'");
         return None;
     };
     let medium = media::read(build, textures, fields, "medium");
@@ -648,8 +648,7 @@ fn report_misspelling(build: &SceneFileBuilder, name: &str, span: Range<usize>) 
 fn warn_of_unused_table(build: &mut SceneFileBuilder, name: &str) {
     let names = build.loaded.scene.materials.iter().map(|m| m.name.as_str());
     let help = nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean '{near}'?)"));
-    let message = format!("the model has no material '{name}' and no object uses it{help}");
-    build.warn(message);
+    build.warn(format!("the model has no material '{name}' and no object uses it{help}"));
 }
 
 #[cfg(test)]

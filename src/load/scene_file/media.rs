@@ -81,7 +81,7 @@ pub(super) fn solid_medium<'a>(
     let medium = Medium { textures: coefficient_textures, ..constant_medium(fields) };
     if !coefficient_textures.is_empty() && fields.has("grid") {
         let message = "'grid' and textures exclude each other: keep one";
-        fields.problems.push(fields.span(), ("grid-and-texture", message));
+        fields.report(("grid-and-texture", message));
     }
     let corners = [fields.vector("min"), fields.vector("max")];
     let name = fields.string("grid_name").map(|name| name.value);
@@ -93,7 +93,7 @@ pub(super) fn solid_medium<'a>(
         if is_fitted || name.is_some() || is_z_up && !fields.has("nodes") || emission.has_grid() {
             let message = "'min', 'max', 'transform', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' need a \
                            'grid'";
-            fields.problems.push(fields.span(), message);
+            fields.report(message);
         }
         return medium;
     };
@@ -164,13 +164,12 @@ impl<'a> EmissionKeys<'a> {
         };
         fields.exclusive(["emission_grid", "temperature_grid"]);
         if (keys.kelvin.is_some() || keys.scales_with_power.is_some()) && keys.temperature.is_none() {
-            let message = "'temperature' and 'temperature_law' need a 'temperature_grid'";
-            fields.problems.push(fields.span(), message);
+            fields.report("'temperature' and 'temperature_law' need a 'temperature_grid'");
         }
         if keys.has_grid() && !fields.has("emission") {
             let message =
                 "'emission_grid' and 'temperature_grid' need 'emission', the emitted radiance per metre";
-            fields.problems.push_help(fields.span(), message, "add 'emission', such as 10");
+            fields.report_help(message, "add 'emission', such as 10");
         }
         keys
     }
@@ -240,7 +239,7 @@ fn medium_textures<'a>(
     let resolution = fields.integer("resolution", 1, 1024);
     if found.is_empty() && (resolution.is_some() || nodes.is_some()) && !fields.has("grid") {
         let message = "'nodes' and 'resolution' need a texture: set one as 'density', 'color' or 'emission'";
-        fields.problems.push(fields.span(), ("medium-without-texture", message));
+        fields.report(("medium-without-texture", message));
     }
     MediumTextures { resolution: resolution.map_or(0, |n| n as u32), ..found }
 }
@@ -353,7 +352,7 @@ pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Med
     if fields.has("transmission") || fields.has("diffuse_transmission") || fields.has("medium") {
         let message =
             "'subsurface' excludes 'transmission', 'diffuse_transmission' and 'medium': leave them out";
-        fields.problems.push(fields.span(), message);
+        fields.report(message);
     }
     model.has_volume = true;
     // A model's material tints light on entry and exit.

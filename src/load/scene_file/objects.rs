@@ -175,7 +175,7 @@ fn read_object<'a>(
         let message =
             format!("{} needs exactly one of {}", object.name, shape_keys().collect::<Vec<_>>().join(", "));
         let help = "such as mesh = \"chair.ply\" or sphere = { center = [0, 1, 0], radius = 1 }";
-        fields.problems.push_help(fields.span(), message, help);
+        fields.report_help(message, help);
         return;
     };
     if shape == "mesh" {
@@ -200,8 +200,7 @@ fn read_object<'a>(
         None if materials.contains("default") => materials.get(build, textures, "default", fields.span()),
         None => {
             let message = format!("{} needs 'material'", object.name);
-            fields.problems.push_help(
-                fields.span(),
+            fields.report_help(
                 message,
                 "name one, or add [materials.default] for all objects without a material",
             );
@@ -296,7 +295,7 @@ fn mesh_materials<'a>(
     }
     let count = fields.list("materials").map_or(0, |list| list.len());
     if count == 0 {
-        fields.problems.push(fields.span(), "'materials' must name at least one material");
+        fields.report("'materials' must name at least one material");
     }
     face_materials(build, fields, count, materials, textures).unwrap_or_default()
 }
@@ -311,8 +310,7 @@ fn face_materials<'a>(
     let list = fields.list("materials")?;
     fields.exclusive(["material", "materials"]);
     if list.len() != count {
-        let message = format!("'materials' names {} materials, but the shape has {count} faces", list.len());
-        fields.problems.push(fields.span(), message);
+        fields.report(format!("'materials' names {} materials, but the shape has {count} faces", list.len()));
         return None;
     }
     let mut ids = Vec::new();
@@ -344,7 +342,7 @@ fn read_pyramid(fields: &Fields) -> Option<Faces> {
     fields.finish();
     let (size, height) = (size?, height?);
     if size.value.iter().any(|s| *s <= 0.0) || height.value <= 0.0 {
-        fields.problems.push(fields.span(), "'size' and 'height' of a pyramid must be above 0");
+        fields.report("'size' and 'height' of a pyramid must be above 0");
         return None;
     }
     Some(pyramid_faces(base, size.value, height.value))
@@ -383,7 +381,7 @@ fn add_quad(build: &mut SceneFileBuilder, object_fields: &Fields, object: &Objec
     fields.finish();
     let (Some(corner), Some(u), Some(v)) = (corner, u, v) else { return };
     if u.value.cross(v.value).length() == 0.0 {
-        return fields.problems.push(fields.span(), "'u' and 'v' of a quad are parallel or 0");
+        return fields.report("'u' and 'v' of a quad are parallel or 0");
     }
     let m = object.world_from_object;
     let (mut corner, mut edge_u) = (m.transform_point3(corner.value), m.transform_vector3(u.value));

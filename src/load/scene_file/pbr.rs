@@ -158,8 +158,7 @@ fn read_volume(slots: &Slots, model: &mut PbrMaterial) {
     model.dispersion = fields.number_in("dispersion", 0.0..100.0, model.dispersion.into()) as f32;
     let volume_keys = ["attenuation_color", "attenuation_distance", "dispersion"];
     if !model.has_volume && volume_keys.iter().any(|key| fields.has(key)) {
-        let message = "attenuation and dispersion need a solid: add 'volume = true'";
-        fields.problems.push(fields.span(), message);
+        fields.report("attenuation and dispersion need a solid: add 'volume = true'");
     }
 }
 
@@ -183,8 +182,7 @@ fn read_keeps_radiance(slots: &Slots, model: &mut PbrMaterial) {
 fn set_medium(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
     if let Some(medium) = medium {
         if !model.has_volume {
-            let message = "a 'medium' needs a solid: add 'volume = true'";
-            fields.problems.push(fields.span(), message);
+            fields.report("a 'medium' needs a solid: add 'volume = true'");
         } else if !is_transmissive(model) {
             let span = fields.raw("medium").map_or(fields.span(), |value| value.span());
             let message = ("medium-unreachable", "no light reaches this 'medium': the surface is opaque");
@@ -215,7 +213,7 @@ fn check_layers(fields: &Fields) {
     ];
     for (layer, keys) in needs {
         for key in keys.iter().filter(|key| fields.has(key) && !fields.has(layer)) {
-            fields.problems.push(fields.span(), format!("'{key}' has no effect without '{layer}'"));
+            fields.report(format!("'{key}' has no effect without '{layer}'"));
         }
     }
 }

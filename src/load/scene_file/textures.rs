@@ -238,7 +238,7 @@ impl<'a> Textures<'a> {
         let Some(own) = &mut self.model_texture else {
             let message = "\"own\" has no model texture to refer to here";
             let help = "\"own\" works in the sidecar of a model, in [materials.NAME] without a 'type', for a material of the model";
-            fields.problems.push_help(fields.span(), message, help);
+            fields.report_help(message, help);
             return None;
         };
         own.is_used = true;
@@ -255,7 +255,7 @@ impl<'a> Textures<'a> {
             if fields.has(key) {
                 let message =
                     format!("with mapping = \"own\", '{key}' comes from the model's texture: leave it out");
-                fields.problems.push(fields.span(), message);
+                fields.report(message);
             }
         }
         let (own, Texture::Image { image, .. }) = (self.own(build, fields)?, &texture) else { return None };
@@ -266,7 +266,7 @@ impl<'a> Textures<'a> {
             _ if self.checks_only => Some(texture),
             _ => {
                 let message = "the model's material has no image texture here to take the mapping from";
-                fields.problems.push_help(fields.span(), message, "leave 'mapping' out");
+                fields.report_help(message, "leave 'mapping' out");
                 None
             }
         }
@@ -357,7 +357,7 @@ fn image_texture(
     let mapping_key = fields.choice("mapping", &MAPPINGS).unwrap_or(MappingKey::Uv);
     let is_triplanar = mapping_key == MappingKey::Triplanar;
     if !is_triplanar && fields.has("size") {
-        fields.problems.push(fields.span(), "'size' of an image needs mapping = \"triplanar\"");
+        fields.report("'size' of an image needs mapping = \"triplanar\"");
     }
     let mapping = match is_triplanar {
         true => Mapping::Triplanar { size: fields.number_in("size", 1e-9..1e9, 1.0) as f32 },
@@ -377,7 +377,7 @@ fn facing(fields: &Fields) -> Option<Texture> {
         None => {
             let message = "'colors' of a facing texture must be a list of 2 to 65536 colours or numbers";
             let help = "evenly spaced over the cosine of the view angle, from 0 (grazing) to 1 (head on)";
-            fields.problems.push_help(fields.span(), message, help);
+            fields.report_help(message, help);
             None
         }
     }
@@ -473,11 +473,11 @@ fn read_spectrum(fields: &Fields) -> Option<Curve> {
         return Some(Curve::light(&values, luminance.unwrap_or(1.0)));
     }
     if luminance.is_some() {
-        fields.problems.push(fields.span(), "only lights have a 'luminance': add light = true");
+        fields.report("only lights have a 'luminance': add light = true");
     }
     if values.iter().any(|(_, value)| *value > 1.0) {
         let help = "divide by the largest, or add light = true";
-        fields.problems.push_help(fields.span(), "values of a reflectance are at most 1", help);
+        fields.report_help("values of a reflectance are at most 1", help);
     }
     Some(Curve::reflectance(&values))
 }
@@ -497,16 +497,16 @@ fn values(fields: &Fields) -> Option<Vec<(f64, f64)>> {
     let Some(pairs) = pairs.filter(|pairs| !pairs.is_empty()) else {
         let message =
             "'values' must be a list of pairs of a wavelength and a value, or of values with 'from' and 'to'";
-        fields.problems.push(fields.span(), message);
+        fields.report(message);
         return None;
     };
     let is_ascending = pairs.windows(2).all(|pair| pair[0].0 < pair[1].0);
     if !is_ascending || pairs.iter().any(|(nm, _)| !RANGE_NM.contains(nm)) {
-        fields.problems.push(fields.span(), "wavelengths must be ascending, in nanometres, and at least 1");
+        fields.report("wavelengths must be ascending, in nanometres, and at least 1");
         return None;
     }
     if pairs.iter().any(|(_, value)| !(0.0..=MAX_VALUE).contains(value)) {
-        fields.problems.push(fields.span(), format!("values of spectra must be from 0 to {MAX_VALUE}"));
+        fields.report(format!("values of spectra must be from 0 to {MAX_VALUE}"));
         return None;
     }
     Some(pairs)

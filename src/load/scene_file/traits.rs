@@ -204,8 +204,7 @@ pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -
         (Some(power), None) => Some(power * per_watt),
         (None, Some(value)) => Some(value),
         _ => {
-            let message = format!("the light needs either 'power' or '{quantity}'");
-            fields.problems.push(fields.span(), message);
+            fields.report(format!("the light needs either 'power' or '{quantity}'"));
             None
         }
     }

@@ -87,8 +87,7 @@ fn read_step(fields: &Fields) -> Option<DAffine3> {
         fields.numbers::<16>("matrix").and_then(|m| matrix(fields, m.value))
     };
     if given != 1 && before == given {
-        let message = format!("a step of 'transform' needs exactly one of {}", keys.join(", "));
-        fields.problems.push(fields.span(), message);
+        fields.report(format!("a step of 'transform' needs exactly one of {}", keys.join(", ")));
     }
     fields.finish();
     step
@@ -109,8 +108,7 @@ fn axis_and_angle(fields: &Fields) -> Option<(DVec3, f64)> {
 
 fn matrix(fields: &Fields, m: [f64; 16]) -> Option<DAffine3> {
     if m[12..] != [0.0, 0.0, 0.0, 1.0] {
-        fields.problems.push_help(
-            fields.span(),
+        fields.report_help(
             "the last row of 'matrix' must be 0, 0, 0, 1",
             "the 16 numbers are in row-major order",
         );
@@ -190,8 +188,7 @@ pub(super) fn rigid_motion(
     if std::iter::once(&motion.at_time).chain(others).all(is_rigid) {
         return Some(motion);
     }
-    let message = "'motion' of cameras and lights must not scale or mirror";
-    fields.problems.push(fields.span(), message);
+    fields.report("'motion' of cameras and lights must not scale or mirror");
     None
 }
 
@@ -236,7 +233,7 @@ fn warn_of_closed_shutter(build: &mut SceneFileBuilder) {
 fn read_trajectory(fields: &Fields) -> Option<Trajectory> {
     if fields.has("keys") {
         if fields.has("translate") || fields.has("rotate") {
-            fields.problems.push(fields.span(), "'keys' can't be combined with 'translate' or 'rotate'");
+            fields.report("'keys' can't be combined with 'translate' or 'rotate'");
             return None;
         }
         return read_keys(fields, "keys", "motion", |key| Some(read(key))).map(Trajectory::Keys);
@@ -248,7 +245,7 @@ fn read_trajectory(fields: &Fields) -> Option<Trajectory> {
         let (axis, angle) = axis_and_angle(&rotate)?;
         rotation = (axis, angle, center);
     } else if !fields.has("translate") {
-        fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
+        fields.report("'motion' needs 'translate', 'rotate' or 'keys'");
         return None;
     }
     let (axis, rad_per_frame, center) = rotation;
@@ -285,7 +282,7 @@ pub(super) fn read_keys<'a, T>(
     }
     if keys.is_empty() {
         let of = if list == owner { String::new() } else { format!(" of '{owner}'") };
-        fields.problems.push(fields.span(), format!("'{list}'{of} is empty"));
+        fields.report(format!("'{list}'{of} is empty"));
         return None;
     }
     Some(keys)
@@ -462,7 +459,7 @@ pub(super) fn direction(fields: &Fields, position: Option<DVec3>) -> Option<DVec
         }
         (None, None) => {
             let keys = if position.is_some() { "'target' or 'direction'" } else { "'direction'" };
-            fields.problems.push(fields.span(), format!("the light needs {keys}"));
+            fields.report(format!("the light needs {keys}"));
             return None;
         }
     };
