@@ -157,7 +157,7 @@ fn missing_and_broken_images_are_lost_by_name() {
     let loaded = load_with(&textured(), files).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.textures.is_empty(), "the image is cut off");
     let messages: Vec<_> = loaded.warnings.iter().filter(|w| w.place == "/images/0").collect();
-    assert!(messages.len() == 1 && messages[0].message.contains("constants"), "{:?}", loaded.warnings);
+    assert!(messages.len() == 1 && messages[0].message.contains("factors"), "{:?}", loaded.warnings);
 }
 
 #[test]
