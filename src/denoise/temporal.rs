@@ -27,7 +27,7 @@ const RADII: [usize; 2] = [5, 1];
 /// Ratio of the power of a difference to that of its noise above which a neighbour's weight is reduced.
 const MAX_NOISE_RATIO: f32 = 2.0;
 /// Assumed variance of the differences of denoised pixels relative to that of noisy pixels.
-const DENOISED_VARIANCE: f32 = 1.0 / 9.0;
+const DENOISED_VARIANCE: f32 = 0.25;
 /// Relative differences per channel that don't count as a change: for squares, and for pixels of the denoised picture.
 const MIN_CHANGE: f32 = 0.01;
 const MIN_CHANGE_OF_PIXELS: f32 = 0.01;

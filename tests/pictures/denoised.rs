@@ -71,12 +71,11 @@ fn block_deviations(film: &Film) -> Vec<f32> {
 
 /// The means of all blocks are those of the noisy picture within its noise, at every number of samples. Five standard deviations, since
 /// there are 720 means, and the noise itself is estimated from two halves of the samples.
-#[test]
-fn regions_keep_their_brightness() {
+fn check_regions(sample_counts: &[u32]) {
     let mut off = Vec::new();
     for name in SCENES {
         let scene = load(name);
-        for samples in [4, 8, 16, 64] {
+        for &samples in sample_counts {
             let mut rendering = rendering(&scene, settings(samples, 5));
             rendering.run();
             let mut found = block_deviations(rendering.film());
@@ -89,6 +88,17 @@ fn regions_keep_their_brightness() {
         }
     }
     assert!(off.is_empty(), "{off:?}");
+}
+
+#[test]
+fn regions_keep_their_brightness() {
+    check_regions(&[4, 16]);
+}
+
+#[test]
+#[ignore = "many samples, which take long"]
+fn regions_of_pictures_with_many_samples_keep_their_brightness() {
+    check_regions(&[8, 64]);
 }
 
 /// Mean squared relative error of a picture by two references of other seeds.
@@ -104,22 +114,15 @@ fn relative_error(picture: &Planes, references: &[Planes; 2]) -> f64 {
 
 /// A noise threshold bounds the error of the denoised picture. The bound has a margin of 1.5 standard errors, and the references have
 /// noise of their own.
-#[test]
-fn denoised_pictures_stop_below_the_threshold() {
-    for name in [
-        "thesis/cornell-box.toml",
-        "fur.toml",
-        "thesis/defocus-out.toml",
-        "many-lights.toml",
-        "plastics.toml",
-    ] {
+fn check_thresholds(names: &[&str], thresholds: &[f32]) {
+    for name in names {
         let scene = load(name);
         let references = [77, 78].map(|seed| {
             let mut reference = rendering(&scene, settings(192, seed));
             reference.run();
             color(reference.film())
         });
-        for threshold in [0.08, 0.04] {
+        for &threshold in thresholds {
             let mut rendering = rendering(&scene, settings(512, 5).noise(threshold).denoises(true));
             rendering.run();
             let bound = rendering.statistics().error.expect("a measurement");
@@ -131,4 +134,22 @@ fn denoised_pictures_stop_below_the_threshold() {
             assert!(error < 1.1 * bound, "{name}: {error}, bound {bound}");
         }
     }
+}
+
+#[test]
+fn denoised_pictures_stop_below_the_threshold() {
+    check_thresholds(&["thesis/defocus-out.toml", "plastics.toml"], &[0.08]);
+}
+
+#[test]
+#[ignore = "five scenes, which take long"]
+fn denoised_pictures_of_all_kinds_stop_below_the_threshold() {
+    let names = [
+        "thesis/cornell-box.toml",
+        "fur.toml",
+        "thesis/defocus-out.toml",
+        "many-lights.toml",
+        "plastics.toml",
+    ];
+    check_thresholds(&names, &[0.08, 0.04]);
 }
