@@ -142,13 +142,9 @@ fn parse(
     left_out.visible.extend(unused_alpha(&mesh));
     mesh.attributes = attributes.lists;
     take_tangents(&mut mesh);
-    if let Some(colors) = faces.colors.take() {
-        mesh_tools::color_triangles(&mut mesh, &colors);
-    }
-    match problems(&mesh, &mut faces) {
-        problems if problems.is_empty() => Ok((mesh, faces, left_out)),
-        problems => Err(Error::input_problems(path, problems)),
-    }
+    faces.colors.take().into_iter().for_each(|colors| mesh_tools::color_triangles(&mut mesh, &colors));
+    let problems = problems(&mesh, &mut faces);
+    if problems.is_empty() { Ok((mesh, faces, left_out)) } else { Err(Error::input_problems(path, problems)) }
 }
 
 /// The attribute that holds tangents.

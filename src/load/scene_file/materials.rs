@@ -71,7 +71,7 @@
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, named, nearest};
 use super::pbr::Slots;
-use super::textures::{Textures, read_image, read_pixels};
+use super::textures::{Textures, WRAPS, read_image, read_pixels};
 use super::traits::{group, visible_to};
 use super::{media, pbr, shaders};
 use crate::color::spectral::Metal;
@@ -508,10 +508,6 @@ fn read_displacement(
     let kind = DisplacementKind::Heights { scale: scale.value as f32, midlevel, edge };
     Some(Displacement { texture, kind })
 }
-
-/// Wrap modes of images.
-pub(super) const WRAPS: [(&str, Wrap); 3] =
-    [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
 
 /// Wrap mode and repetitions of an image.
 struct UvMapping {

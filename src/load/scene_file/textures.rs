@@ -28,18 +28,23 @@
 
 use super::builder::SceneFileBuilder;
 use super::fields::{Fields, color, named, number, numbers};
-use super::materials::WRAPS;
 use crate::color::spectral::Curve;
 use crate::error::Error;
 use crate::image::{Damage, Encoding, Image, Pixels};
 use crate::load::image;
 use crate::load::image::Use;
-use crate::scene::{ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId};
+use crate::scene::{
+    ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap,
+};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 use toml::Spanned;
 use toml::de::DeValue;
+
+/// Wrap modes of images.
+pub(super) const WRAPS: [(&str, Wrap); 3] =
+    [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
 
 #[derive(Clone, Copy)]
 enum TextureType {
