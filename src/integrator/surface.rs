@@ -795,9 +795,14 @@ impl Integrator<'_> {
                 ndc_from_world: self.view.ndc_from_world.as_ref(),
             },
         };
-        let rays = if material.traces_rays { self.ray_origin(at) } else { None };
-        let at = SurfaceHit { surface, hit, material, is_back: *is_back, time: *time };
-        Some(HitData { rays, ..reader.read(at, coordinates, wo, path_data(path, hit.t))? })
+        let surface_hit = SurfaceHit { surface, hit, material, is_back: *is_back, time: *time };
+        let mut data = reader.read(surface_hit, coordinates, wo, path_data(path, hit.t));
+        if material.traces_rays
+            && let Some(data) = &mut data
+        {
+            data.rays = self.ray_origin(at);
+        }
+        data
     }
 }
 

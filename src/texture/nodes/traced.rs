@@ -60,7 +60,7 @@ fn sample_distance(u: f32) -> f32 {
         let error = x * x * (10.0 + x * (-20.0 + x * (15.0 - 4.0 * x))) - u;
         (low, high) = if error < 0.0 { (x, high) } else { (low, x) };
         let next = x - error / (20.0 * x * rest * rest * rest);
-        x = if next > low && next < high { next } else { 0.5 * (low + high) };
+        x = if next >= low && next <= high { next } else { 0.5 * (low + high) };
     }
     x
 }
