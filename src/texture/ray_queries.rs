@@ -1,6 +1,7 @@
 //! Rays that node graphs trace from a hit into the scene. The integrator answers the queries.
 
 use crate::math::{Hit, Ray, Vec3};
+use crate::sampling::hash::hash32;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use std::fmt;
 
@@ -41,13 +42,14 @@ pub struct RayOrigin<'a> {
 }
 
 impl RayOrigin<'_> {
-    /// Pairs of random numbers in 0..1 for a number of rays. They are consecutive points of the path's Sobol sequence, so that both the rays
-    /// of a hit and those of all samples of a pixel are well distributed.
+    /// Pairs of random numbers in 0..1 for a number of rays: the start of a Sobol sequence with scrambles of this hit alone. Parts of a
+    /// sequence that pixels share would give all pixels of a region similar patterns of rays, on which the mean behind a colour ramp depends.
     pub fn random_pairs(&self, dimension_set: u32, count: u32) -> impl Iterator<Item = [f32; 2]> {
-        let (dimensions, sample) = (Dimensions::new(dimension_set), self.sample);
-        let branch_bits = count.next_power_of_two().trailing_zeros();
+        let dimensions = Dimensions::new(dimension_set);
+        let (seed, index_rev) = self.sample.to_parts();
+        let own_seed = hash32(seed ^ hash32(index_rev ^ dimension_set));
         (0..count).map(move |i| {
-            let [u, v, ..] = sample.branch(i, branch_bits).sample_4d(&dimensions);
+            let [u, v, ..] = SobolPoint::new(own_seed, i).sample_4d(&dimensions);
             [u, v]
         })
     }

@@ -151,7 +151,10 @@ fn compare_with_cycles(file: &str, step: usize) {
         let expected = numbers(&case["values"]);
         let largest = expected.iter().fold(1e-3f64, |most, x| most.max(x.abs()));
         let factor = 0.4 / largest;
-        let film = picture(&scene(&truth, case, factor), &options(size as u32, 64, 1));
+        let film = picture(
+            &scene(&truth, case, factor),
+            &options(size as u32, if file == "rays.json" { 256 } else { 64 }, 1),
+        );
         let found = blocks(&film, size as usize, block as usize);
         let unit = largest.max(1.0);
         let differences = found.iter().zip(&expected).map(|(f, e)| ((f - 0.5) / factor - e) / unit);
@@ -159,13 +162,16 @@ fn compare_with_cycles(file: &str, step: usize) {
         count += 1;
         println!("{label}: {worst:+.5} of {largest:.3}");
         // The standard error of a block of which half is 1 and half is 0 is 1 % with 64 samples per pixel.
-        let has_steps =
-            ["image", "wireframe", "bump of a picture", "step of"].iter().any(|kind| label.contains(kind));
+        let has_steps = ["image", "wireframe", "bump of a picture"].iter().any(|kind| label.contains(kind));
         // Cycles' tangents are those of the ball's quads, ours of its triangles, and of further texture coordinates not even smooth.
         let most = match label {
             "normal_map of the second map" => 2.5e-2,
             _ if label.contains("TANGENT") || label == "tangent uv_map" => 1e-2,
             _ if has_steps => 1e-2,
+            // 4.5 standard errors of both pictures, with numbers of rays that are random for each sample.
+            _ if label.contains("step of") || label.contains("of 1 samples") => 4.5e-2,
+            _ if label.starts_with("bevel") => 2.5e-2,
+            _ if label.starts_with("ambient_occlusion") => 1e-2,
             _ => 4e-3,
         };
         if worst.abs() > most {
