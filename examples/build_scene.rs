@@ -10,7 +10,7 @@ fn main() -> oscura::Result<()> {
     let path = std::env::args().nth(1).unwrap_or("build_scene.png".to_string());
     let mut scene = Scene::default();
 
-    // A material is a name and a model of scattering; the model of glTF is the richest.
+    // A material is a name and a BSDF model; glTF's is the richest.
     let clay = scene.add_material(Material::lambert("clay", [0.7, 0.65, 0.6]));
     let gold = PbrMaterial {
         base_color: [1.0, 0.77, 0.34].into(),
@@ -21,7 +21,7 @@ fn main() -> oscura::Result<()> {
     let gold = scene.add_material(Material::gltf("gold", gold));
     let lamp = scene.add_material(Material::emitter("lamp", [12.0, 10.0, 8.0], false));
 
-    // Shapes and quads stand in the world; meshes stand where instances place them.
+    // Spheres and quads are in world space; meshes are placed by instances.
     scene.quads.push(Quad::new([-4.0, 0.0, 4.0], [8.0, 0.0, 0.0], [0.0, 0.0, -8.0], clay));
     scene.shapes.push(Shape::sphere([-1.2, 1.0, 0.0], 1.0, gold));
     scene.shapes.push(Shape::disk([0.0, 4.5, 1.0], [0.0, -1.0, 0.0], 0.8, lamp));
@@ -42,7 +42,7 @@ fn main() -> oscura::Result<()> {
     Ok(())
 }
 
-/// Four sides on a square of edge 1.
+/// A pyramid without base, over a unit square.
 fn pyramid(material: oscura::scene::MaterialId) -> Mesh {
     let positions =
         vec![[-0.5, 0.0, 0.5], [0.5, 0.0, 0.5], [0.5, 0.0, -0.5], [-0.5, 0.0, -0.5], [0.0, 1.2, 0.0]];

@@ -1,5 +1,5 @@
-//! Renders pass by pass, shows how far it is, writes the picture so far now and then, and stops after some time:
-//! `cargo run --release --example progressive -- picture.png`
+//! Renders pass by pass, prints progress, saves intermediate pictures, and stops after some time: `cargo run --release --example
+//! progressive -- picture.png`
 
 use oscura::Renderer;
 use oscura::render::{CancelHandle, Event, PassOutcome};

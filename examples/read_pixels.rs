@@ -8,13 +8,13 @@ fn main() -> oscura::Result<()> {
     let picture = Renderer::new(scene).size(64, 64).samples(16).aovs([Aov::Depth]).render()?;
     let film = picture.film();
 
-    // Colours are linear, premultiplied with alpha, row by row from the top.
+    // Colours are linear, premultiplied by alpha, in rows from the top.
     let rgba = film.rgba();
     let luminance = |[r, g, b, _]: [f32; 4]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
     let mean = rgba.iter().copied().map(luminance).sum::<f32>() / rgba.len() as f32;
     println!("mean luminance {mean:.3}");
 
-    // Colour and AOVs are planes under the names that they have in files.
+    // Colour and AOVs are channels, named as in files.
     for plane in film.planes() {
         println!("plane {}", plane.name);
     }

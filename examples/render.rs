@@ -16,7 +16,7 @@ fn main() -> oscura::Result<()> {
         .render()?;
     let warnings = picture.save(&path)?;
 
-    // Nothing is dropped or repaired without a word.
+    // Everything dropped or repaired is reported.
     picture.warnings().iter().chain(&warnings).for_each(|warning| eprintln!("warning: {warning}"));
     println!("{path}: {:.1} s", picture.statistics().render_s);
     Ok(())

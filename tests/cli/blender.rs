@@ -1,5 +1,5 @@
-//! Files of Blender: what runs the exporter, what its failures say, and what becomes of its export. A script stands for
-//! Blender; with a real one (`OSCURA_BLENDER` names it, or a Python with `bpy`) the exporter itself is tried.
+//! Blender files: finding Blender, its errors, and rendering of the export. A script stands in for Blender; with a real one
+//! (`OSCURA_BLENDER`, or a Python with `bpy`) the exporter itself is tested.
 
 use crate::program::*;
 use crate::skip::skip;
@@ -8,14 +8,14 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A triangle that emits light, before a camera, as the exporter writes scenes.
+/// An emissive triangle in front of a camera, as the exporter writes scenes.
 const SCENE: &str = "[render]\nwidth = 40\nheight = 20\nsamples = 2\n[environment]\nbackground = 0\n\
 [[camera]]\nname = \"front\"\ntransform = [{ translate = [0.3, 0.3, 2] }]\nvfov = 40\nshift = [0, 0]\n\
 [[lights]]\nvisible_to_camera = false\nobstacle = false\npoint = { radius = 0.1, power = 5 }\ntransform = []\n\
 [materials.glow]\ntype = \"emissive\"\nradiance = [1, 0.5, 0.25]\n\
 [[objects]]\ntriangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\nmaterial = \"glow\"\n";
 
-/// A folder with a file of Blender, the export of it, and no search path but its own `bin`.
+/// A folder with a .blend file, its export, and a search path that is only its own `bin`.
 struct Place {
     folder: tempfile::TempDir,
 }
@@ -34,8 +34,8 @@ impl Place {
         self.folder.path().join(name)
     }
 
-    /// A program that says that it is this version and, else, does what the script says: `$FILE`, `$FOLDER`, `$NAME` and
-    /// `$ANSWER` are the exporter's arguments.
+    /// A fake program that prints this version and otherwise runs the script: `$FILE`, `$FOLDER`, `$NAME` and `$ANSWER` are the
+    /// exporter's arguments.
     fn program(&self, name: &str, version: &str, script: &str) -> PathBuf {
         let here = self.folder.path().display();
         let text = format!(
@@ -49,7 +49,7 @@ impl Place {
         path
     }
 
-    /// A Blender that exports the scene.
+    /// A fake Blender that exports the scene.
     fn blender(&self, name: &str) -> PathBuf {
         let here = self.folder.path().display();
         let script = format!(
@@ -79,7 +79,7 @@ fn name(path: &Path) -> &str {
 }
 
 #[test]
-fn blender_is_the_one_of_the_option_then_of_the_variable_then_of_the_path() {
+fn blender_is_found_by_option_variable_or_path() {
     let place = Place::new();
     let (first, second) = (place.blender("first"), place.blender("second"));
     place.blender("bin/blender");
@@ -98,9 +98,9 @@ fn blender_is_the_one_of_the_option_then_of_the_variable_then_of_the_path() {
     }
 }
 
-/// Images that were packed in the file are in a temporary folder, and large ones are decoded from it when the scene is compiled.
+/// Images packed in the file are unpacked to a temporary folder, and large ones are decoded from it during compilation.
 #[test]
-fn large_images_of_the_export_stay_until_they_are_decoded() {
+fn unpacked_images_exist_until_they_are_decoded() {
     let place = Place::new();
     let noisy = image::RgbImage::from_fn(700, 700, |x, y| image::Rgb([(x * y) as u8, x as u8, y as u8]));
     noisy.save(place.path("large.png")).expect("written");
@@ -120,7 +120,7 @@ fn large_images_of_the_export_stay_until_they_are_decoded() {
 }
 
 #[test]
-fn a_file_of_blender_is_rendered_and_what_was_lost_is_reported() {
+fn blend_files_are_rendered_and_losses_reported() {
     let place = Place::new();
     let blender = place.blender("tool");
     let options = ["--blender", name(&blender)];
@@ -155,7 +155,7 @@ fn a_file_of_blender_is_rendered_and_what_was_lost_is_reported() {
 }
 
 #[test]
-fn an_export_appears_whole_and_replaces_nothing_unasked() {
+fn exports_are_atomic_and_overwrite_only_on_request() {
     let place = Place::new();
     let blender = place.blender("tool");
     let export = |more: &[&str]| {
@@ -182,7 +182,7 @@ fn an_export_appears_whole_and_replaces_nothing_unasked() {
 }
 
 #[test]
-fn failures_say_what_blender_said() {
+fn failures_include_blenders_output() {
     let place = Place::new();
     let answer = "echo '{\"error\": \"the file is damaged\"}' > $ANSWER; exit 3";
     for (version, script, expected) in [
@@ -205,7 +205,7 @@ fn failures_say_what_blender_said() {
 }
 
 #[test]
-fn without_blender_the_error_says_how_to_get_one() {
+fn missing_blender_is_reported_with_a_hint() {
     let place = Place::new();
     if ["/opt", "/usr/local", "/usr/local/share", "/snap/bin", "/Applications"].iter().any(|folder| {
         fs::read_dir(folder).is_ok_and(|mut l| {
@@ -232,7 +232,7 @@ fn python_with_bpy() -> Option<PathBuf> {
     candidates.into_iter().find(has_bpy)
 }
 
-/// A scene whose lamps stand in view.
+/// A scene with its lights in view.
 const BUILD: &str = r#"
 import bpy, sys
 bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -255,7 +255,7 @@ bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
 "#;
 
 #[test]
-fn blender_itself_exports_what_is_rendered() {
+fn real_blender_export_is_rendered() {
     let Some(python) = python_with_bpy() else {
         return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
     };
@@ -270,7 +270,7 @@ fn blender_itself_exports_what_is_rendered() {
     let inspected = place.run(None, &["inspect", "room.blend", "--blender", name(&python)]);
     assert!(stdout(&inspected).contains("'Panel'"), "{}", stdout(&inspected));
 
-    // Cut off in the middle.
+    // Truncated.
     let bytes = fs::read(place.path("room.blend")).expect("read");
     fs::write(place.path("room.blend"), &bytes[..bytes.len() / 2]).expect("written");
     let broken = place.run(None, &["render", "room.blend", "-o", "b.png", "--blender", name(&python)]);
@@ -279,7 +279,7 @@ fn blender_itself_exports_what_is_rendered() {
     assert!(!place.path("b.png").exists());
 }
 
-/// Runs one of the scripts of tests in `tools/blender`.
+/// Runs one of the test scripts in `tools/blender`.
 fn python_test(script: &str) {
     let Some(python) = python_with_bpy() else {
         return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
@@ -291,17 +291,17 @@ fn python_test(script: &str) {
 }
 
 #[test]
-fn the_render_engine_in_blender_shows_what_the_program_makes() {
+fn render_engine_in_blender() {
     python_test("test_engine.py");
 }
 
 #[test]
-fn what_is_kept_of_exports_is_what_is_exported() {
+fn cached_exports_match_fresh_ones() {
     python_test("test_export.py");
 }
 
 #[test]
-fn what_is_exported_of_trees_and_surfaces_and_beside_the_model() {
+fn exporter_scripts() {
     [
         "test_trees.py",
         "test_surfaces.py",
@@ -317,7 +317,7 @@ fn what_is_exported_of_trees_and_surfaces_and_beside_the_model() {
 }
 
 #[test]
-fn choices_about_the_export_reach_it() {
+fn export_options_reach_the_exporter() {
     let place = Place::new();
     let blender = place.blender("tool");
     let run = |more: &[&str]| {
@@ -337,7 +337,7 @@ fn choices_about_the_export_reach_it() {
 }
 
 #[test]
-fn what_is_kept_is_reported_and_deleted() {
+fn export_cache_is_reported_and_cleared() {
     let place = Place::new();
     fs::create_dir(place.path("kept")).expect("made");
     let ours = place.path("kept/0123456789abcdef0123456789abcdef.oscura");
@@ -350,7 +350,8 @@ fn what_is_kept_is_reported_and_deleted() {
     assert!(!ours.exists() && place.path("kept/mine.oscura").exists());
 }
 
-/// A box and lamps in centimetres, and in a USD file nothing else: Blender imports it, and the radius of the bulb is 10 cm, not 10 m.
+/// A box and lights in centimetres, in a USD file without other units: Blender imports it, and the radius of the light is 10 cm,
+/// not 10 m.
 const USD: &str = r#"#usda 1.0
 (
     defaultPrim = "World"
@@ -375,7 +376,7 @@ def Xform "World"
 "#;
 
 #[test]
-fn files_of_other_programs_come_through_blender() {
+fn usd_files_are_imported_through_blender() {
     let Some(python) = python_with_bpy() else {
         return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
     };
@@ -391,7 +392,7 @@ fn files_of_other_programs_come_through_blender() {
     assert!(text.contains("0.1 m"), "{text}");
 }
 
-/// Blender writes watts times 100 into FBX; other programs percent of no unit, which would light nothing.
+/// Blender writes watts times 100 into FBX; other programs a percentage without unit, which would be nearly black.
 const FBX: &str = r#"
 import bpy
 bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -405,7 +406,7 @@ bpy.ops.export_scene.fbx(filepath="room.fbx")
 "#;
 
 #[test]
-fn lamps_of_fbx_are_seen() {
+fn fbx_lights_have_plausible_power() {
     let Some(python) = python_with_bpy() else {
         return skip("bpy", "neither OSCURA_BLENDER nor python3 has the module bpy");
     };

@@ -1,11 +1,11 @@
-//! What a command without options does: names of outputs, sizes, standard output, and what is reported.
+//! Defaults: output names, sizes, standard output, and messages.
 
 use crate::program::*;
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// Sizes that take no time.
+/// Fast sizes.
 const SMALL: [&str; 4] = ["--size", "16x12", "--spp", "2"];
 
 fn triangle(folder: &Path, name: &str) {
@@ -19,7 +19,7 @@ fn size_of(path: &Path) -> (u32, u32) {
 }
 
 #[test]
-fn a_scene_alone_is_rendered_to_a_picture_of_its_name() {
+fn default_output_is_named_after_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     triangle(folder.path(), "models/a.obj");
     for words in [&["models/a.obj"][..], &["render", "models/a.obj"], &["--quiet", "models/a.obj"]] {
@@ -35,9 +35,9 @@ fn a_scene_alone_is_rendered_to_a_picture_of_its_name() {
     }
 }
 
-/// The quality decides on samples and denoising where neither the user nor the scene does.
+/// Quality presets set samples and denoising unless the user or the scene does.
 #[test]
-fn quality_in_one_word() {
+fn quality_presets() {
     let folder = tempfile::tempdir().unwrap();
     triangle(folder.path(), "a.obj");
     let scene = "[render]\nsamples = 3\n[materials]\ngrey = { type = \"lambert\", color = 0.5 }\n[[objects]]\nmesh = \"a.obj\"\nmaterial = \"grey\"\n[camera]\nlook_from = [0, 0, 3]\nlook_at = [0, 0, 0]\n";
@@ -63,12 +63,12 @@ fn quality_in_one_word() {
     assert_eq!(rendered("a.obj", &["--quality", "final", "--max-spp", "16"]), (is("final"), 16, false));
     let (quality, noisy, is_denoised) = rendered("a.obj", &["--no-denoise"]);
     assert!(quality == is("normal") && (samples..=256).contains(&noisy) && !is_denoised, "{samples} {noisy}");
-    // What the user or the scene says of samples holds.
+    // Samples given by the user or the scene take precedence.
     assert_eq!(rendered("a.obj", &["--spp", "4"]), (None, 4, false));
     assert_eq!(rendered("a.obj", &["--time-limit", "1000"]), (None, 128, false));
     assert_eq!(rendered("own.toml", &[]), (None, 3, false));
     assert_eq!(rendered("own.toml", &["--quality", "draft"]), (is("draft"), 8, true));
-    // Parts are of the same number of samples, whatever they show.
+    // Crops use the same number of samples, whatever they show.
     let part = ["render", "a.obj", "-o", "a.part", "--size", "24x16", "--sample-range", "0..8", "--json"];
     let output = oscura(folder.path(), &part);
     assert_eq!(
@@ -81,7 +81,7 @@ fn quality_in_one_word() {
 }
 
 #[test]
-fn a_picture_without_a_given_name_replaces_only_its_own_kind() {
+fn default_outputs_overwrite_only_their_own_kind() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
     triangle(folder.path(), "a.obj");
@@ -98,7 +98,7 @@ fn a_picture_without_a_given_name_replaces_only_its_own_kind() {
     assert_eq!(thumb(&["-o", "."]), 2);
     assert!(fs::read(file("a.png")).unwrap() == first);
     assert_eq!(names(folder.path()), ["a.obj", "a.png", "a.thumb.png", "other"]);
-    // The same again; a given name replaces anything.
+    // The same command again; an explicit name overwrites anything.
     assert_eq!(run(&["a.obj", "--seed", "7"]), 0);
     assert!(fs::read(file("a.png")).unwrap() != first);
     assert_eq!(run(&["other/a.obj", "-o", "a.png"]), 0);
@@ -114,7 +114,7 @@ fn a_picture_without_a_given_name_replaces_only_its_own_kind() {
 }
 
 #[test]
-fn pictures_go_to_standard_output() {
+fn writes_to_standard_output() {
     let folder = tempfile::tempdir().unwrap();
     triangle(folder.path(), "a.obj");
     for (target, start) in
@@ -127,7 +127,7 @@ fn pictures_go_to_standard_output() {
 }
 
 #[test]
-fn an_environment_of_none_is_none() {
+fn environment_none() {
     let folder = tempfile::tempdir().unwrap();
     let shoot = |env: &str| {
         let scene = cornell();
@@ -138,9 +138,9 @@ fn an_environment_of_none_is_none() {
     assert!(shoot("none") == shoot(""));
 }
 
-/// A line at the end, details with `-v`, nothing with `-q`.
+/// One line at the end, details with `-v`, nothing with `-q`.
 #[test]
-fn a_render_says_little_unless_asked() {
+fn verbosity_levels() {
     let folder = tempfile::tempdir().unwrap();
     let lines = |more: &[&str]| {
         let output = render(folder.path(), "a.exr", more);
@@ -152,7 +152,7 @@ fn a_render_says_little_unless_asked() {
     let details = lines(&["-v"]);
     assert!(details.len() >= 4 && details.iter().any(|line| line.contains("triangles")), "{details:?}");
     assert!(lines(&["-q"]).is_empty());
-    // A line a frame.
+    // One line per frame.
     let words = ["render", &cornell(), "-o", "f.png", "--frames", "1-3", "--size", "16x16", "--spp", "1"];
     let output = oscura(folder.path(), &words);
     let messages = stderr(&output);
@@ -163,7 +163,7 @@ fn a_render_says_little_unless_asked() {
     );
 }
 
-/// Bare models are what they are, with and without an environment.
+/// Scans without lights and cameras are valid, with and without an environment.
 #[test]
 fn a_scan_with_an_environment_passes_strict() {
     let folder = tempfile::tempdir().unwrap();
@@ -179,7 +179,7 @@ fn a_scan_with_an_environment_passes_strict() {
 }
 
 #[test]
-fn help_knows_plurals_options_and_slips() {
+fn help_finds_plurals_options_and_typos() {
     let folder = tempfile::tempdir().unwrap();
     for (topic, word) in [
         ("lenses", "look_from"),
@@ -213,7 +213,7 @@ fn scenes_render_in_a_fresh_clone() {
         fs::create_dir_all(target.parent().expect("a folder")).unwrap();
         fs::copy(root.join(file), target).unwrap();
     }
-    // Those of the showcase ask for their scripts, and have a test of their own.
+    // Showcase scenes need their scripts, and have their own test.
     let is_scene = |file: &&&str| file.ends_with(".toml") && !file.starts_with("scenes/showcase/");
     let scenes: Vec<&&str> = files.iter().filter(is_scene).collect();
     assert!(scenes.len() >= 40, "{}", scenes.len());

@@ -1,4 +1,4 @@
-//! Exit codes and messages of what can't be done; nothing is left behind.
+//! Exit codes and error messages; no files are left behind.
 
 use crate::program::*;
 use std::fs;
@@ -47,7 +47,7 @@ fn usage_errors_exit_with_2_before_any_work() {
 }
 
 #[test]
-fn what_is_no_scene_is_answered_with_the_way_to_one() {
+fn unsupported_inputs_are_reported_with_a_hint() {
     let folder = tempfile::tempdir().unwrap();
     for name in ["b.max", "c.PNG", "d.png", "room.glb"] {
         fs::write(folder.path().join(name), "not read at all").unwrap();
@@ -62,7 +62,7 @@ fn what_is_no_scene_is_answered_with_the_way_to_one() {
         (&["room.glb", "--shard", "1/4"], 2, &["tip: --sample-range A..B"]),
         (&["rom.glb"], 3, &["rom.glb", "no such file", "room.glb"]),
         (&["-"], 3, &["standard input"]),
-        // No complaint about the picture of a scene that isn't there.
+        // No error about the output of a scene that doesn't exist.
         (&["c.glb"], 3, &["c.glb", "no such file"]),
         (&["https://example.com/a.glb"], 3, &["download the file"]),
         (&["room"], 2, &["neither a command nor a file", "scenes of that name: room.glb"]),
@@ -111,7 +111,7 @@ fn truncated_glb() -> Vec<u8> {
     bytes
 }
 
-/// Names of broken inputs, their content, and words that the error must have besides the name.
+/// Names of broken inputs, their content, and words required in the error besides the name.
 fn broken_inputs() -> Vec<(&'static str, Vec<u8>, &'static [&'static str])> {
     let half = fs::read(cornell()).map(|b| b[..b.len() / 2].to_vec()).expect("the asset");
     let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -193,7 +193,7 @@ fn files_outside_the_folder_need_permission() {
 }
 
 #[test]
-fn targets_that_cannot_be_written_exit_with_4_before_the_scene_is_read() {
+fn unwritable_outputs_exit_with_4_before_the_scene_is_read() {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("folder.png")).unwrap();
     for target in ["no/such/folder/a.exr", "folder.png"] {
@@ -209,7 +209,7 @@ fn errors_are_json_too() {
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
     assert_eq!(value["error"]["exit_code"], 3);
     assert_eq!(value["error"]["file"], "missing.gltf");
-    // Also of arguments that can't be read.
+    // Also for invalid arguments.
     let output = oscura(folder.path(), &["render", "a.gltf", "-o", "a.exr", "--json", "--spp", "0"]);
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
     assert_eq!((&value["error"]["exit_code"], code(&output)), (&2.into(), 2));
@@ -230,9 +230,9 @@ fn long_lines_are_cut_in_errors() {
     );
 }
 
-/// A slip that is in every object is reported with the first places, and counted; other mistakes are reported beside it.
+/// A mistake repeated in every object is reported for the first ones, and counted; other mistakes are reported next to it.
 #[test]
-fn mistakes_of_one_kind_are_counted() {
+fn repeated_mistakes_are_counted() {
     let folder = tempfile::tempdir().unwrap();
     let ball = |i: u32| {
         format!("[[objects]]\nsphere = {{ center = [{i}, 0, 0], radius = 1 }}\nmaterial = \"missing{i}\"\n")
@@ -247,14 +247,14 @@ fn mistakes_of_one_kind_are_counted() {
     assert!(messages.contains("195") && messages.contains("center"), "{messages}");
     assert!(messages.contains("missing4") && !messages.contains("missing5"), "{messages}");
     assert!(messages.contains("a.toml:4:"), "{messages}");
-    // Programs get them all.
+    // JSON lists them all.
     let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"]);
     assert!(stdout(&output).contains("missing199"), "{}", stdout(&output));
 }
 
-/// A file that is missing is one mistake, however many places name it.
+/// A missing file is one problem, however many references it has.
 #[test]
-fn a_missing_file_is_one_problem_with_a_remedy() {
+fn missing_files_are_reported_once_with_a_hint() {
     let folder = tempfile::tempdir().unwrap();
     let uses = |table: &str, key: &str, file: &str| {
         format!("[[{table}]]\n{key} = \"{file}\"\nmaterial = \"m\"\n").repeat(3)
@@ -275,7 +275,7 @@ fn a_missing_file_is_one_problem_with_a_remedy() {
 }
 
 #[test]
-fn nobody_has_to_listen() {
+fn closed_pipes_are_ignored() {
     let folder = tempfile::tempdir().unwrap();
     let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_oscura"))
         .args(["render", &cornell(), "-o", "a.png", "--width", "16", "--spp", "1", "--json", "--explain"])
@@ -289,10 +289,10 @@ fn nobody_has_to_listen() {
     assert!(folder.path().join("a.png").exists());
 }
 
-/// What standard output can't take is an error, not a success without the report.
+/// Failing to write to standard output is an error.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_report_that_cant_be_written_is_an_error() {
+fn failing_standard_output_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let small = ["render", &scene, "-o", "a.png", "--width", "8", "--height", "8", "--spp", "1", "--json"];
@@ -305,9 +305,9 @@ fn a_report_that_cant_be_written_is_an_error() {
     }
 }
 
-/// A picture that is nearly black says so, with the exposure that shows it.
+/// A nearly black picture is reported, with an exposure that shows it.
 #[test]
-fn nearly_black_pictures_name_the_exposure() {
+fn nearly_black_pictures_are_reported_with_an_exposure() {
     let folder = tempfile::tempdir().unwrap();
     let bright = render(folder.path(), "a.png", &[]);
     assert!(!stderr(&bright).contains("--exposure"), "{}", stderr(&bright));

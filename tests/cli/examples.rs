@@ -1,4 +1,4 @@
-//! Every program of `examples/` runs and leaves the picture that it promises.
+//! Every program of `examples/` runs and writes its picture.
 
 use crate::skip::skip;
 use std::fs;
@@ -7,7 +7,7 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Where cargo puts examples: beside the folder of test programs. `None` where only this test was built.
+/// Cargo's folder of examples: next to that of test programs. `None` where only this test was built.
 fn program(name: &str) -> Option<PathBuf> {
     let own = std::env::current_exe().expect("the test has a file");
     let profile = own.parent().and_then(Path::parent).expect("the folder of a profile");
@@ -19,7 +19,7 @@ fn program(name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// Runs an example where the README's user stands; returns what it printed.
+/// Runs an example in the README's folder; returns its output.
 fn run(name: &str, args: &[&str]) -> Option<String> {
     let output = Command::new(program(name)?).args(args).current_dir(ROOT).output().expect("it starts");
     let errors = String::from_utf8_lossy(&output.stderr);

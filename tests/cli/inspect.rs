@@ -1,4 +1,4 @@
-//! `oscura inspect`: every part of a scene is reported, for people and for programs.
+//! `oscura inspect`: a report of every part of a scene, as text and JSON.
 
 use std::path::Path;
 use std::process::Command;
@@ -46,7 +46,7 @@ fn folder() -> tempfile::TempDir {
 }
 
 #[test]
-fn people_get_a_tree_with_units_and_places() {
+fn text_is_a_tree_with_units_and_positions() {
     let folder = folder();
     let shown = inspect(folder.path(), &["s.toml"]);
     for part in [
@@ -69,7 +69,7 @@ fn people_get_a_tree_with_units_and_places() {
 }
 
 #[test]
-fn programs_get_the_same_as_json() {
+fn json_has_the_same_content() {
     let folder = folder();
     let json: serde_json::Value =
         serde_json::from_str(&inspect(folder.path(), &["s.toml", "--json"])).expect("JSON");
@@ -87,9 +87,9 @@ fn programs_get_the_same_as_json() {
     assert_eq!(json["left_out"].as_array().map(Vec::len), Some(1));
 }
 
-/// What `render` would add is told in its words, and is no part of what the file holds.
+/// Lights that `render` would add are reported, and not as contents of the file.
 #[test]
-fn the_light_that_rendering_adds_is_reported() {
+fn default_lights_are_reported() {
     let folder = folder();
     let shown = inspect(folder.path(), &["house.obj"]);
     for part in ["environment none\n", "images     0\n", "no camera and no light: shown from", "studio light"]
@@ -100,7 +100,7 @@ fn the_light_that_rendering_adds_is_reported() {
 }
 
 #[test]
-fn the_cornell_box_is_reported_by_its_nodes() {
+fn cornell_box_is_reported_by_its_nodes() {
     let shown = inspect(Path::new(env!("CARGO_MANIFEST_DIR")), &["assets/cornell-box.gltf"]);
     assert!(shown.contains("(17, 12, 4) W/sr/m2"), "{shown}");
     assert!(shown.contains("warnings   0\n"), "{shown}");

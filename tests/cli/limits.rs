@@ -1,4 +1,4 @@
-//! Time limits.
+//! Time and memory limits.
 
 use crate::program::*;
 use flate2::Compression;
@@ -6,11 +6,11 @@ use flate2::write::GzEncoder;
 use std::io::Write;
 
 #[test]
-fn a_time_limit_holds_for_large_pictures_and_endless_paths() {
+fn time_limit_holds_for_large_pictures_and_endless_paths() {
     let folder = tempfile::tempdir().unwrap();
     endless_scene(folder.path());
     let cornell = cornell();
-    // One sample of each pixel of the first would take seconds, one path of the second for ever.
+    // One sample per pixel of the first takes seconds, one path of the second never ends.
     for (scene, more) in [
         (cornell.as_str(), &["--width", "4000", "--height", "4000"][..]),
         ("endless.toml", &["--depth", "4294967295", "--width", "64"]),
@@ -19,7 +19,7 @@ fn a_time_limit_holds_for_large_pictures_and_endless_paths() {
         let output = run(folder.path(), &[&fixed, more].concat(), 0);
         let value = report(&output);
         assert_eq!((&value["timed_out"], &value["interrupted"]), (&true.into(), &false.into()), "{value}");
-        // A tile or 64 bounces of one are what it may take longer; the rest is for a busy machine.
+        // One tile, or 64 bounces of one, may exceed it; the rest is for a busy machine.
         let render_s = value["render_s"].as_f64().expect("a number");
         assert!(render_s < 3.0, "{scene}: {render_s} s");
         let codes = value["warning_codes"].as_array().expect("codes");
@@ -45,7 +45,7 @@ fn a_generous_time_limit_changes_nothing() {
     assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), None);
 }
 
-/// A crop of a picture ends in time, too; a part of one, which has to have all its samples, is refused.
+/// Crops support time limits; sample ranges, which must be complete, refuse them.
 #[test]
 fn crops_have_time_limits() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +64,7 @@ fn crops_have_time_limits() {
     assert!(stderr(&output).contains("--time-limit"), "{}", stderr(&output));
 }
 
-/// Learning what guides paths takes a small part of the time, and the picture is there.
+/// Guiding takes a small part of the time, and a picture is written.
 #[test]
 fn a_time_limit_leaves_time_for_guided_pictures() {
     let folder = tempfile::tempdir().unwrap();
@@ -77,7 +77,7 @@ fn a_time_limit_leaves_time_for_guided_pictures() {
     assert!(of("render_s") < 3.0, "{report}");
 }
 
-/// By their headers: there are no pixels here that could be decoded.
+/// By their headers: the files contain no pixels.
 #[test]
 fn a_memory_limit_refuses_images_before_they_are_decoded() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,12 +104,12 @@ fn a_memory_limit_refuses_images_before_they_are_decoded() {
             "{scene} {code}: {messages}"
         );
     }
-    // A model loses its texture alone.
+    // A model only loses its texture.
     let (code, messages) = of("a.obj", &[]);
     assert!(code == 0 && messages.contains("warning:") && messages.contains(large), "{code}: {messages}");
 }
 
-/// What a compressed file holds is not known before it is read: the limit is watched while it is.
+/// The size of compressed files is unknown in advance: the limit is checked during decompression.
 #[test]
 fn a_memory_limit_is_watched_while_scenes_and_frames_are_loaded() {
     let folder = tempfile::tempdir().unwrap();

@@ -2,20 +2,20 @@
 
 #[cfg(unix)]
 mod blender;
-mod comparing;
+mod compare;
 mod defaults;
-mod denoisers;
-mod desktop;
+mod denoise;
+mod desktop_and_packages;
 mod errors;
 mod examples;
-mod farms;
-mod finishing;
+mod render_farms;
+mod postprocessing;
 mod inspect;
-mod keeping;
-mod layers;
-mod layouts;
+mod output_safety;
+mod aovs;
+mod exr_layouts;
 mod limits;
-mod long;
+mod resume_and_merge;
 mod new_sidecar;
 mod options;
 mod output;
@@ -28,10 +28,10 @@ mod signals;
 #[path = "../common/skip.rs"]
 mod skip;
 mod stage;
-mod teaching;
+mod help;
 mod terminal;
 mod tev;
 mod video;
 #[cfg(target_os = "linux")]
 mod view;
-mod views;
+mod lookup_tables;

@@ -1,10 +1,10 @@
-//! `oscura new --sidecar`: settings for a model, filled in from the model.
+//! `oscura new --sidecar`: a settings file proposed for a model.
 
 use crate::program::*;
 use std::fs;
 use std::path::Path;
 
-/// A room as Blender's exporter writes it: a lamp that became an empty node, a white material, a lost one on a box that
+/// A room as Blender's exporter writes it: a light exported as an empty node, a white material, and a lost one on a box that
 /// encloses the camera.
 const ROOM: &str = r#"{
     "asset": {"version": "2.0", "generator": "Khronos glTF Blender I/O v5.0.21"}, "scene": 0,
@@ -32,7 +32,7 @@ fn renders(folder: &Path, more: &[&str]) -> String {
 }
 
 #[test]
-fn settings_beside_a_model_are_filled_in_and_used() {
+fn sidecar_is_generated_and_used() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("room.gltf"), ROOM).unwrap();
@@ -52,14 +52,14 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     ] {
         assert!(text.contains(line), "'{line}' is not in\n{text}");
     }
-    // Its lamp shines, its fog is gone, and who has the file knows the rest.
+    // Its light is restored, its fog removed, and comments explain the rest.
     let after = renders(folder, &[]);
     assert!(after.contains("room.oscura.toml"), "{after}");
     for words in ["encloses", "area lights", "pure white", "no light"] {
         assert!(!after.contains(words), "'{words}' is in {after}");
     }
 
-    // With every proposal taken it is a file of settings as well.
+    // With every proposal accepted it is a valid sidecar, too.
     let taken: Vec<&str> = text
         .lines()
         .map(|line| match line.strip_prefix('#') {
@@ -79,9 +79,9 @@ fn settings_beside_a_model_are_filled_in_and_used() {
     run(folder, &["new"], 2);
 }
 
-/// A bare scan gets proposals for a camera, a lamp and its material, which all hold.
+/// A scan without camera gets proposals for a camera, a light and its material, all valid.
 #[test]
-fn a_scan_gets_a_camera_a_lamp_and_its_material() {
+fn scans_get_a_camera_a_light_and_a_material() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     fs::write(folder.join("scan.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n").unwrap();

@@ -1,11 +1,11 @@
-//! Options of `render` that change the picture or what is reported about it.
+//! Options of `render` that change the picture or its report.
 
 use crate::program::*;
 use oscura::film::Aov;
 use std::fs;
 
 #[test]
-fn an_environment_of_the_caller_replaces_the_stage() {
+fn environment_option_replaces_the_stage() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     exr::prelude::write_rgb_file(folder.path().join("env.exr"), 16, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
@@ -25,7 +25,7 @@ fn an_environment_of_the_caller_replaces_the_stage() {
 }
 
 #[test]
-fn a_model_with_z_up_stands_upright() {
+fn z_up_models_are_rotated() {
     let folder = tempfile::tempdir().unwrap();
     // A quad in the plane of x and z, whose front faces -y. Turned upright, it faces the viewer in the plane of x and y.
     let (lying, standing, face) =
@@ -45,7 +45,7 @@ fn a_model_with_z_up_stands_upright() {
         let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
         f64::from(sum) / a.as_raw().len() as f64
     };
-    // Rounding in the turned vertices moves no more than a few edges by a step.
+    // Rounding in the rotated vertices changes a few edge pixels at most, by one code.
     assert!(apart(&upright, &turned) < 0.5, "{}", apart(&upright, &turned));
     assert!(apart(&lying, &turned) > 5.0, "{}", apart(&lying, &turned));
     let scene = cornell();
@@ -55,7 +55,7 @@ fn a_model_with_z_up_stands_upright() {
 }
 
 #[test]
-fn env_rotation_turns_the_environment() {
+fn env_rotation_rotates_the_environment() {
     let folder = tempfile::tempdir().unwrap();
     // One bright column in 8: the camera looks at it or not.
     exr::prelude::write_rgb_file(folder.path().join("env.exr"), 8, 4, |x, _| {
@@ -83,14 +83,14 @@ fn env_rotation_turns_the_environment() {
     };
     let around: Vec<f32> = (0..8).map(|i| brightness(45 * i + 22)).collect();
     let brightest = around.iter().copied().fold(0.0, f32::max);
-    // Texels are interpolated: the column is seen from one or two directions of eight, and not from the others.
+    // Texels are interpolated: the column is visible from one or two directions of eight.
     let seen = around.iter().filter(|v| **v > 0.25 * brightest).count();
     assert!(brightest > 0.4 && (1..=3).contains(&seen), "{around:?}");
     assert!((brightness(22) - brightness(382)).abs() < 1e-3);
 }
 
 #[test]
-fn microfacet_chooses_the_model() {
+fn microfacet_option() {
     let folder = tempfile::tempdir().unwrap();
     let scene = r#"
         [camera]
@@ -127,14 +127,14 @@ fn microfacet_chooses_the_model() {
         let pixels = pixels(&folder.path().join("a.exr"));
         pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
     };
-    // White metal in a white furnace: light that bounces more than once between facets is lost or not.
+    // White metal in a white furnace: energy of multiple scattering is lost or compensated.
     let (multi, single) = (mean("multi"), mean("single"));
     assert!((multi - 1.0).abs() < 0.05 && single < multi - 0.2, "{multi} {single}");
 }
 
-/// Smooth black plastic under even light, seen at 60 degrees: 8.9 % by Fresnel's equations, 7.0 % by Schlick's formula.
+/// Smooth black plastic in a uniform environment, seen at 60 degrees: 8.9 % by Fresnel's equations, 7.0 % by Schlick's formula.
 #[test]
-fn fresnel_chooses_the_curve() {
+fn fresnel_option() {
     let folder = tempfile::tempdir().unwrap();
     let scene = |settings: &str| {
         format!(
@@ -170,7 +170,7 @@ fn fresnel_chooses_the_curve() {
 }
 
 #[test]
-fn a_render_reports_in_plain_decimals() {
+fn reports_use_plain_decimals() {
     let folder = tempfile::tempdir().unwrap();
     let output = render(folder.path(), "a.exr", &["--json", "-o", "a.png", "--aov", "depth,normal,albedo"]);
     assert_eq!(names(folder.path()), ["a.exr", "a.png"]);
@@ -185,9 +185,9 @@ fn a_render_reports_in_plain_decimals() {
     assert!(value["rays"].as_u64().unwrap() > value["samples"].as_u64().unwrap());
 }
 
-/// Each name that help lists gives channels of its own; all together give the same ones.
+/// Each AOV that help lists adds its own channels; `all` adds the same ones.
 #[test]
-fn aovs_come_as_help_lists_them() {
+fn aovs_match_help() {
     let folder = tempfile::tempdir().unwrap();
     let help = stdout(&oscura(folder.path(), &["help", "render"]));
     let channels = |aov: &str| -> Vec<String> {
@@ -205,7 +205,7 @@ fn aovs_come_as_help_lists_them() {
         let info = aov.info();
         assert!(help.contains(&format!("- {}:", info.option)), "help doesn't list {}: {help}", info.option);
         let names = channels(info.option);
-        // The file lists channels by their names.
+        // EXR lists channels alphabetically.
         let mut listed = info.names.to_vec();
         listed.sort_unstable();
         assert_eq!(names, listed, "{}", info.option);
@@ -241,7 +241,7 @@ fn quiet_is_quiet() {
 }
 
 #[test]
-fn options_without_effect_are_warned_of() {
+fn options_without_effect_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     let output = render(folder.path(), "a.png", &["--aov", "depth", "--float"]);
     for option in ["--aov", "--float"] {
@@ -250,9 +250,9 @@ fn options_without_effect_are_warned_of() {
     }
 }
 
-/// Every option of the table where it works, and where it doesn't.
+/// Every option of the table in a case with effect, and in one without.
 #[test]
-fn options_without_effect_say_why() {
+fn options_without_effect_are_explained() {
     let folder = tempfile::tempdir().unwrap();
     let idle = |output: &str, more: &[&str]| {
         let run = render(folder.path(), output, more);
@@ -273,7 +273,7 @@ fn options_without_effect_say_why() {
     }
     let used = ["--aov", "normal,crypto_object", "--crypto-levels", "3", "--aov-space", "camera"];
     assert_eq!(idle("a.exr", &used), [""; 0]);
-    // A choice that suits any scene is no mistake.
+    // Options valid for any scene are no mistake.
     let groups = render(folder.path(), "a.exr", &["--light-groups", "--strict"]);
     assert!(stderr(&groups).contains("--light-groups"), "{}", stderr(&groups));
 }
@@ -288,7 +288,7 @@ fn strict_makes_warnings_errors_before_rendering() {
             &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
         )
     };
-    // A bare model is no reason for a warning; a camera without light is.
+    // A model without camera is no reason for a warning; a camera without light is.
     let refused = shoot(&["--stage", "none", "--strict"]);
     assert_eq!(code(&refused), 3, "{}", stderr(&refused));
     assert!(stderr(&refused).contains("--strict"));
@@ -300,7 +300,7 @@ fn strict_makes_warnings_errors_before_rendering() {
 }
 
 #[test]
-fn explain_says_what_was_left_out() {
+fn explain_lists_what_was_culled() {
     let folder = tempfile::tempdir().unwrap();
     let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl used\nf 1 2 3\n";
     fs::write(folder.path().join("a.obj"), obj).unwrap();
@@ -315,7 +315,7 @@ fn explain_says_what_was_left_out() {
 }
 
 #[test]
-fn clamped_values_stand_in_the_header() {
+fn clamped_values_are_counted_in_the_header() {
     let folder = tempfile::tempdir().unwrap();
     let scene = r#"
         [camera]
@@ -343,9 +343,9 @@ fn clamped_values_stand_in_the_header() {
     }
 }
 
-/// A file beside the model is found, not complained about.
+/// A sidecar is a note, not a warning.
 #[test]
-fn settings_beside_a_model_are_a_note_and_pass_strict() {
+fn sidecars_are_noted_and_pass_strict() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     let settings =

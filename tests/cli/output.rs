@@ -1,4 +1,4 @@
-//! Pictures come back from their files as they went in.
+//! Round trips of output files.
 
 use exr::prelude::{AttributeValue, FlatSamples, ReadChannels, ReadLayers, Text, read};
 use oscura::error::ErrorKind;
@@ -64,7 +64,7 @@ fn values(layer: &Layer, name: &str) -> Vec<f32> {
 }
 
 #[test]
-fn an_exr_holds_colour_aovs_and_attributes() {
+fn exr_has_colour_aovs_and_attributes() {
     let film = film([Aov::Depth, Aov::Normal, Aov::Albedo].into());
     let options = OutputOptions { float: true, metadata: metadata(), ..Default::default() };
     let encoded = encode(&film, Format::Exr, &options, Path::new("x.exr")).unwrap();
@@ -87,7 +87,7 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     );
     assert_eq!(a.owner.as_ref().unwrap().to_string(), "Ada");
     assert_eq!(a.capture_date.as_ref().unwrap().to_string(), "2000:02:29 00:00:00");
-    // Row vectors: the translation stands in the last row.
+    // Row vectors: the translation is in the last row.
     assert_eq!(a.world_to_camera.unwrap()[12..15], [1.0, 2.0, 3.0]);
     assert_eq!(a.world_to_normalized_device.unwrap()[12..15], [4.0, 5.0, 6.0]);
     assert_eq!(shared.chromaticities.unwrap().red.0, 0.64);
@@ -114,7 +114,7 @@ fn an_exr_holds_colour_aovs_and_attributes() {
 }
 
 #[test]
-fn further_channels_keep_their_names_and_types() {
+fn additional_channels_keep_their_names_and_types() {
     let mut film = Film::new(2, 1, [Aov::Samples, Aov::MaterialId, Aov::Variance, Aov::Position].into());
     let mut tile = film.tile(0, 0, 2, 1);
     let hit = [10.0, 20.0, 30.0, f32::from_bits(3)];
@@ -136,7 +136,7 @@ fn further_channels_keep_their_names_and_types() {
 }
 
 #[test]
-fn aovs_that_nobody_asked_for_are_not_in_the_file() {
+fn unrequested_aovs_are_not_written() {
     let encoded =
         encode(&film(AovSet::default()), Format::Exr, &OutputOptions::default(), Path::new("x")).unwrap();
     let (layer, _) = read_back(&encoded.bytes);
@@ -166,7 +166,7 @@ fn values_beyond_half_floats_are_clamped_and_counted() {
 }
 
 #[test]
-fn a_fraction_of_samples_is_kept() {
+fn fractional_sample_counts_are_stored() {
     let film = film(AovSet::default());
     for (samples, expected) in [(0.5, AttributeValue::F32(0.5)), (7.0, AttributeValue::I32(7))] {
         let metadata = Metadata { samples, ..Default::default() };
@@ -213,7 +213,7 @@ fn png_applies_exposure_view_and_straight_alpha() {
     // Premultiplied 0.25 at alpha 0.5 is a straight 0.5.
     let half = png(&constant([0.25, 0.0, 0.5], 0.5), PngOptions::default());
     assert_eq!(half.to_rgba8().get_pixel(0, 0).0, [188, 0, 255, 128]);
-    // The filmic curve keeps differences where sRGB clips.
+    // The filmic curve separates values that sRGB clips.
     let filmic = |v| ViewTransform::Filmic.encode([v; 3])[0];
     assert!(
         filmic(1.0) < 1.0 && filmic(1.0) < filmic(2.0) && filmic(2.0) < filmic(4.0) && filmic(1e30) == 1.0
@@ -237,7 +237,7 @@ fn dither_keeps_the_mean_between_two_codes() {
 }
 
 #[test]
-fn files_appear_whole_and_leave_nothing_else() {
+fn files_are_written_atomically() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.png");
     check_target(&path).unwrap();
@@ -246,7 +246,7 @@ fn files_appear_whole_and_leave_nothing_else() {
     write_atomically(&path, b"two").unwrap();
     assert_eq!(std::fs::read(&path).unwrap(), b"two");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
-    // A folder of that name can't be replaced by a file: the temporary file must go.
+    // A folder of that name can't be replaced by a file: the temporary file is removed.
     let taken = folder.path().join("taken.png");
     std::fs::create_dir(&taken).unwrap();
     std::fs::write(taken.join("x"), b"x").unwrap();
@@ -256,11 +256,10 @@ fn files_appear_whole_and_leave_nothing_else() {
     assert!(missing.kind == ErrorKind::Output, "{missing}");
 }
 
-/// Who may read a picture is decided as for other files, a link stays and the file that it leads to is replaced, and errors speak of the
-/// picture alone.
+/// Permissions follow the umask, symbolic links are kept and their targets replaced, and errors name the picture only.
 #[cfg(unix)]
 #[test]
-fn files_are_like_others_that_users_make() {
+fn files_respect_umask_and_links() {
     use std::os::unix::fs::{PermissionsExt, symlink};
     let folder = tempfile::tempdir().unwrap();
     let [path, other, link] = ["a.png", "other", "link.png"].map(|name| folder.path().join(name));
@@ -297,7 +296,7 @@ fn parts_of(bytes: &[u8]) -> (Vec<Layer>, exr::meta::attribute::IntegerBounds) {
 }
 
 #[test]
-fn every_layout_and_compression_holds_the_same() {
+fn all_layouts_and_compressions_round_trip() {
     use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
     let film = film([Aov::Depth, Aov::Normal, Aov::Albedo].into());
     let written = |exr: ExrOptions| {

@@ -1,4 +1,4 @@
-//! Running the program, and what it leaves behind.
+//! Runs the program and reads its outputs.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -27,7 +27,7 @@ pub fn says(output: &Output, word: &str) {
     assert!(stderr(output).contains(word), "'{word}' is not in: {}", stderr(output));
 }
 
-/// Runs the program with arguments separated by spaces, which must succeed; its messages.
+/// Runs the program with arguments separated by spaces, which must succeed; returns its messages.
 pub fn run_line(folder: &Path, line: &str) -> String {
     stderr(&run(folder, &line.split_whitespace().collect::<Vec<_>>(), 0))
 }
@@ -47,7 +47,7 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What `--json` says about a run.
+/// The `--json` report of a run.
 pub fn report(output: &Output) -> serde_json::Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", stderr(output)))
 }
@@ -62,12 +62,12 @@ pub fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The Cornell box that comes with the project.
+/// The Cornell box of the repository.
 pub fn cornell() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell-box.gltf").display().to_string()
 }
 
-/// Renders the Cornell box in small.
+/// Renders a small Cornell box.
 pub fn render(folder: &Path, name: &str, more: &[&str]) -> Output {
     let scene = cornell();
     let mut args = vec!["render", &scene, "-o", name, "--width", "48", "--spp", "4"];
@@ -81,7 +81,7 @@ pub fn attribute(path: &Path, name: &str) -> Option<exr::prelude::AttributeValue
     meta.headers[0].own_attributes.other.get(&exr::prelude::Text::from(name)).cloned()
 }
 
-/// The value of such an attribute.
+/// The value of a text attribute.
 pub fn text(value: &str) -> Option<exr::prelude::AttributeValue> {
     Some(exr::prelude::AttributeValue::Text(exr::prelude::Text::from(value)))
 }
@@ -93,14 +93,14 @@ pub fn planes(path: &Path) -> BTreeMap<String, Vec<f32>> {
     list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
 }
 
-/// A picture as a list.
+/// A picture as a flat list.
 pub fn pixels(path: &Path) -> Vec<[f32; 3]> {
     let image = oscura::load::image::load_linear_rgb(path).expect("a picture");
     let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
     all.map(|(x, y)| image.rgba(x, y)).map(|[r, g, b, _]| [r, g, b]).collect()
 }
 
-/// A closed ball that loses nothing: no path in it ends before its depth.
+/// A closed sphere without losses: paths end at the maximum depth only.
 pub fn endless_scene(folder: &Path) {
     let scene = r#"
         [camera]

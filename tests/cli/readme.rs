@@ -1,9 +1,9 @@
-//! Every command and snippet of README.md and of the guide's pages, carried out in a folder like the one they speak of.
+//! Runs every command and snippet of README.md and the guide in a folder with the files that they use.
 //!
-//! Pictures are made small: of `render`, `--width`, `--height` and `--spp` are given again with small values in place of
-//! the README's, and of long sequences two frames. `cargo run --release --` becomes the program that is under test; other
-//! commands of cargo are not repeated here. Files that the README's user has are made by [`fixtures`], scripts stand for
-//! Blender and ffmpeg, and `view` is asked for its page and ended. `tools/python` tries the page of the Python module.
+//! Pictures are made small: `--width`, `--height` and `--spp` of `render` are replaced by small values, and long sequences by
+//! two frames. `cargo run --release --` becomes the program under test; other cargo commands are skipped. [`fixtures`] generates
+//! the README's input files, scripts stand in for Blender and ffmpeg, and `view` is asked for its page and ended. `tools/python`
+//! tests the page of the Python module.
 
 use crate::skip::skip;
 use std::collections::BTreeSet;
@@ -13,15 +13,15 @@ use std::process::{Command, Output};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// Starts of commands that are not repeated: they build or test the whole project.
+/// Prefixes of skipped commands: they build or test the whole project.
 const NOT_REPEATED: [&str; 3] = [
     "cargo test --release --workspace",
     "cargo install ",
-    // It draws on terminals only: `terminal.rs` has one.
+    // Needs a terminal: tested in `terminal.rs`.
     "oscura render scan.ply --show",
 ];
 
-/// What a fenced block holds.
+/// A fenced code block.
 struct Block {
     language: String,
     text: String,
@@ -87,7 +87,7 @@ fn blocks(markdown: &str) -> Vec<Block> {
     list
 }
 
-/// Words of a command line, quotes understood.
+/// Words of a command line, with quotes.
 fn words(line: &str) -> Vec<String> {
     let mut words: Vec<String> = Vec::new();
     let mut word: Option<String> = None;
@@ -109,8 +109,8 @@ fn words(line: &str) -> Vec<String> {
     words
 }
 
-/// The files that the README's user has: the project's assets and scenes, an export, a scan, an environment, and pictures
-/// of another renderer.
+/// The input files of the README: the project's assets and scenes, a Blender export, a scan, an environment, and pictures of
+/// another renderer.
 fn fixtures(folder: &Path) {
     for name in [
         "assets/cornell-box.gltf",
@@ -132,7 +132,7 @@ fn fixtures(folder: &Path) {
             node["name"] = "front".into();
         }
     }
-    // The empty node that Blender leaves where an area light stood.
+    // The empty node that Blender exports for an area light.
     let area = value["nodes"].as_array_mut().map(|nodes| {
         nodes.push(serde_json::json!({ "name": "Area", "translation": [0.3, 0.5, 0.3] }));
         nodes.len() - 1
@@ -180,7 +180,7 @@ fn glb(value: &serde_json::Value) -> Vec<u8> {
     bytes
 }
 
-/// Where the README compares with another renderer's picture: one that agrees, with a variance.
+/// Reference pictures for `compare`: matching, with a variance.
 fn reference_pictures(folder: &Path) {
     for (name, value) in [("mitsuba.exr", None), ("mitsuba-variance.exr", Some(0.01f32))] {
         let path = folder.join(name);
@@ -202,10 +202,10 @@ const SIZE: usize = 24;
 /// Arguments with a small size and few samples.
 fn small(arguments: &[String]) -> Vec<String> {
     let mut result = Vec::new();
-    // Which samples a part takes is of their number.
+    // The samples of a part depend on the total number.
     let is_part = arguments.iter().any(|a| a == "--sample-range");
     let size = SIZE.to_string();
-    // A quality takes no number of samples.
+    // Quality presets exclude a number of samples.
     let samples =
         if arguments.iter().any(|a| a == "--quality") { ["--max-spp", "16"] } else { ["--spp", "2"] };
     let mut less = vec!["--width", &size, "--height", &size, samples[0], samples[1]];
@@ -233,7 +233,7 @@ fn oscura(folder: &Path, arguments: &[String]) -> Output {
     program(folder, arguments).output().expect("the program starts")
 }
 
-/// The program, which finds the stand-ins of others.
+/// The program, with stand-ins for others on its search path.
 fn program(folder: &Path, arguments: &[String]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
     command.args(arguments).current_dir(folder);
@@ -249,8 +249,8 @@ fn program(folder: &Path, arguments: &[String]) -> Command {
     command
 }
 
-/// Scripts in place of programs that the README's user has: a Blender whose every scene is the room, and an ffmpeg that
-/// writes what it is given. None where scripts can't stand for programs.
+/// Scripts that stand in for other programs: a Blender that always exports the room, and an ffmpeg that writes its input. None
+/// where scripts can't be executed.
 fn default_materials(folder: &Path) {
     #[cfg(unix)]
     {
@@ -283,7 +283,7 @@ fn default_materials(folder: &Path) {
     let _ = folder;
 }
 
-/// Starts `view` without a browser, asks for its page, and ends it.
+/// Starts `view` without a browser, requests its page, and ends it.
 fn look(folder: &Path, arguments: &[String]) {
     use std::io::{BufRead, BufReader, Read, Write};
     let mut command = program(folder, arguments);
@@ -302,7 +302,7 @@ fn look(folder: &Path, arguments: &[String]) {
     child.kill().and_then(|()| child.wait()).expect("ended");
 }
 
-/// Carries out a line of a block for shells; gives false for what isn't repeated.
+/// Runs a line of a shell block; gives false for skipped ones.
 fn carry_out(folder: &Path, line: &str) -> bool {
     if NOT_REPEATED.iter().any(|start| line.starts_with(start)) {
         return false;
@@ -314,7 +314,7 @@ fn carry_out(folder: &Path, line: &str) -> bool {
         None => (arguments, None),
     };
     let mut arguments = words(arguments);
-    // A file in place of a command is rendered.
+    // A file name instead of a command is rendered.
     if arguments.first().is_some_and(|word| word.contains('.')) {
         arguments.insert(0, "render".to_string());
     }
@@ -337,7 +337,7 @@ fn carry_out(folder: &Path, line: &str) -> bool {
             look(folder, &arguments);
             return true;
         }
-        // Another page makes the same: neither command replaces what is there.
+        // Another page makes the same: neither command overwrites files.
         Some("new" | "export") => {
             let made = folder.join(arguments.last().expect("a name"));
             let _ = if made.is_dir() { fs::remove_dir_all(made) } else { remove_scene(&made) };
@@ -354,7 +354,7 @@ fn carry_out(folder: &Path, line: &str) -> bool {
         }
         None if is_render => {
             for pair in arguments.windows(2).filter(|p| p[0] == "-o") {
-                // Of a sequence the first frame.
+                // Only the first frame of a sequence.
                 let file = pair[1].replace("####", "0001");
                 assert!(folder.join(&file).is_file(), "{line} wrote no {file}");
             }
@@ -364,12 +364,12 @@ fn carry_out(folder: &Path, line: &str) -> bool {
     true
 }
 
-/// Removes a file that `new` would make; models stay.
+/// Removes a file that `new` would create; models stay.
 fn remove_scene(path: &Path) -> std::io::Result<()> {
     if path.extension().is_some_and(|e| e == "toml") { fs::remove_file(path) } else { Ok(()) }
 }
 
-/// The file that a paragraph tells to write a snippet into.
+/// The file that a paragraph says to write a snippet into.
 fn file_named(paragraph: &str) -> Option<&str> {
     let words = paragraph.split('`').skip(1).step_by(2);
     words.filter(|w| w.len() > ".toml".len() && w.ends_with(".toml") && !w.contains(' ')).last()
@@ -392,13 +392,13 @@ fn every_command_and_snippet_works() {
                 let name = file_named(&block.before);
                 let name = name.unwrap_or_else(|| panic!("no file is named before: {}", block.text));
                 fs::write(folder.path().join(name), &block.text).expect("written");
-                // Settings beside a model are used with the model.
+                // Sidecars are used with the model.
                 let scene = name.replace(".oscura.toml", ".glb");
                 assert!(carry_out(folder.path(), &format!("oscura render {scene} -o snippet.png")));
                 snippets.push(name.to_string());
             }
             "text" => {}
-            // The documentation's tests compile it; it is what `examples/render.rs` does, which is run.
+            // Doc tests compile it; it is what `examples/render.rs` does, which is run.
             "rust,no_run" => {}
             other => panic!("a block of '{other}': nothing tries it"),
         }
@@ -407,7 +407,7 @@ fn every_command_and_snippet_works() {
     assert!(snippets.len() >= 2, "{snippets:?}");
 }
 
-/// Options in marks of code, `--like-this`.
+/// Options in inline code, `--like-this`.
 fn options_in(text: &str) -> BTreeSet<String> {
     let starts = text.match_indices("--").filter(|&(at, _)| {
         let before = text[..at].chars().next_back();
@@ -426,7 +426,7 @@ fn help_of(command: &str) -> String {
 }
 
 #[test]
-fn options_are_those_of_the_program() {
+fn options_match_the_program() {
     let readme = readme();
     let own: BTreeSet<String> = [
         "render",
@@ -467,7 +467,7 @@ fn pictures_and_files_of_the_readme_exist() {
     assert_eq!(pages.count() + 1, PAGES.len(), "a page is not tried");
 }
 
-/// How many files a page names, all of which exist: links from where it lies, and words in marks of code from the root.
+/// The number of files a page names, all of which must exist: links relative to the page, inline code relative to the root.
 fn existing_files(name: &str) -> u32 {
     let (root, text) = (Path::new(ROOT), page(name));
     let links = text.match_indices("](").filter_map(|(at, _)| text[at + 2..].split(')').next());
@@ -498,7 +498,7 @@ fn existing_files(name: &str) -> u32 {
 }
 
 #[test]
-fn words_and_blocks_are_understood() {
+fn words_and_blocks_are_parsed() {
     assert_eq!(words("a --env '' \"b c\"  d"), ["a", "--env", "", "b c", "d"]);
     let found = blocks("One `x.toml`:\n\n```toml\na = 1\n```\n\nTwo.\n\nThree\n```sh\nls\n```\n");
     assert_eq!((found[0].text.as_str(), file_named(&found[0].before)), ("a = 1", Some("x.toml")));

@@ -1,4 +1,4 @@
-//! Sequences of an animated asset, from the command line to the pictures.
+//! Sequences of an animated asset, from command line to pictures.
 
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, Loaded, load, load_times};
@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The reed that comes with the project; `oscura-assets reed` writes it.
+/// The reed of the repository; `oscura-assets reed` writes it.
 fn reed() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/reed.gltf")
 }
@@ -21,7 +21,7 @@ fn at(time_s: f64) -> GltfOptions {
     GltfOptions { time_s: Some(time_s), ..GltfOptions::default() }
 }
 
-/// The corner of the first placed mesh that is farthest in a direction, in the world.
+/// The vertex of the first mesh instance that is farthest in a direction, in world space.
 fn farthest(loaded: &Loaded, direction: DVec3) -> DVec3 {
     let instance = loaded.scene.instances.iter().find(|i| i.name == "stalk").expect("the stalk");
     let place =
@@ -31,7 +31,7 @@ fn farthest(loaded: &Loaded, direction: DVec3) -> DVec3 {
 }
 
 #[test]
-fn the_reed_holds_what_it_should() {
+fn reed_contents() {
     let loaded = load_reed(GltfOptions::default());
     let scene = &loaded.scene;
     let names: Vec<&str> = scene.instances.iter().map(|i| i.name.as_str()).collect();
@@ -48,25 +48,25 @@ fn the_reed_holds_what_it_should() {
     assert!(matches!(scene.lights[1].kind, LightKind::Spot { .. }));
     let felt = scene.materials.iter().find(|m| m.name == "felt").expect("felt");
     assert!(matches!(&felt.model, Model::Pbr(p) if p.sheen.is_some()));
-    // At rest it stands straight.
+    // In its rest pose it is straight.
     assert!((farthest(&loaded, DVec3::Y).y - 1.2).abs() < 1e-6);
     assert!(farthest(&loaded, DVec3::X).x < 0.0501);
 }
 
 #[test]
-fn the_reed_bends_and_swells() {
+fn reed_skin_and_morph_targets() {
     let (start, middle, quarter) = (load_reed(at(0.0)), load_reed(at(1.0)), load_reed(at(0.5)));
     assert!((farthest(&start, DVec3::Y).y - 1.2).abs() < 1e-6);
-    // The upper half turns by 0.9 rad about its joint, 0.6 m up; the tip's rim is 0.015 m wide.
+    // The upper half rotates by 0.9 rad about its joint, 0.6 m up; the tip's rim is 0.015 m wide.
     let tip = DVec3::new(0.6 * 0.9f64.sin(), 0.6 + 0.6 * 0.9f64.cos(), 0.0);
     assert!((farthest(&middle, DVec3::X) - tip).length() < 0.03, "{}", farthest(&middle, DVec3::X));
     let half = DVec3::new(0.6 * 0.45f64.sin(), 0.6 + 0.6 * 0.45f64.cos(), 0.0);
     assert!((farthest(&quarter, DVec3::X) - half).length() < 0.03);
-    // The bulge: sideways, the stalk is as thick as its foot or thicker by a spline's half.
+    // The bulge: sideways, the stalk is at least as thick as its base, up to 1.5 times by the spline.
     let thickness = |loaded: &Loaded| {
         let instance = &loaded.scene.instances[0];
         let positions = &loaded.scene.meshes[instance.mesh.index()].positions;
-        // The eleventh ring, near the bulge's middle.
+        // The eleventh ring, near the middle of the bulge.
         positions[10 * 8..11 * 8].iter().map(|p| p[2].abs()).fold(0.0, f32::max)
     };
     let (thin, some, thick) = (thickness(&start), thickness(&quarter), thickness(&middle));
@@ -94,13 +94,13 @@ fn oscura(folder: &Path, args: &[&str]) -> std::process::Output {
 }
 
 #[test]
-fn frames_are_numbered_and_equal_single_moments() {
+fn frames_are_numbered_and_match_single_renders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let output =
         oscura(folder.path(), &["-o", "f.##.png", "-o", "f.exr", "--frames", "0-24x12", "--fps", "24"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
-    // What holds for all frames is reported once, and which frame a report is about, each time.
+    // Reports common to all frames appear once, those of a frame each time.
     let messages = String::from_utf8_lossy(&output.stderr);
     assert_eq!(messages.matches("intensities of 2 lights").count(), 1, "{messages}");
     assert!(
@@ -119,7 +119,7 @@ fn frames_are_numbered_and_equal_single_moments() {
     assert_eq!(both.status.code(), Some(2));
 }
 
-/// The reed with a picture on one of its materials, a missing one on another, and its buffers in a file.
+/// The reed with a texture on one material, a missing one on another, and its buffers in a file.
 fn reed_with_files(folder: &Path) -> PathBuf {
     let text = std::fs::read_to_string(reed()).expect("the asset");
     let mut asset: serde_json::Value = serde_json::from_str(&text).expect("JSON");
@@ -135,7 +135,7 @@ fn reed_with_files(folder: &Path) -> PathBuf {
     path
 }
 
-/// Everything that came of loading, as text; warnings in any order.
+/// The loaded scene as text; warnings in any order.
 fn whole(loaded: &Loaded) -> Vec<String> {
     let mut messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     messages.sort();
@@ -143,9 +143,9 @@ fn whole(loaded: &Loaded) -> Vec<String> {
     messages
 }
 
-/// Every moment of a sequence is what loading at that moment gives, and after the first no file is looked at again.
+/// Every frame of a sequence equals a load at that time, and files are read once.
 #[test]
-fn a_sequence_reads_its_files_once() {
+fn sequences_read_files_once() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = reed_with_files(folder.path());
     let times = [0.0, 0.5, 1.0, 0.0];
@@ -168,7 +168,7 @@ fn a_sequence_reads_its_files_once() {
     let mut seen = Vec::new();
     load_times(&path, &LoadOptions::default(), times, &mut |loaded| {
         seen.push(whole(loaded));
-        // What the caller adds to one scene must not be in the next.
+        // Changes of one frame's scene by the caller don't affect the next.
         loaded.scene.images.clear();
         loaded.scene.materials.clear();
         for file in ["reed.gltf", "red.png"] {
@@ -187,7 +187,7 @@ fn a_sequence_reads_its_files_once() {
 }
 
 #[test]
-fn a_sequence_ends_when_its_user_wants() {
+fn sequences_can_be_interrupted() {
     let mut count = 0;
     let ended = load_times(reed(), &LoadOptions::default(), [0.0, 1.0, 2.0], &mut |_| {
         count += 1;
@@ -200,7 +200,7 @@ fn a_sequence_ends_when_its_user_wants() {
 }
 
 #[test]
-fn a_sequence_goes_on_where_it_ended() {
+fn sequences_resume() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let run = |more: &[&str]| {
         let fixed = ["-o", "f.##.png", "-o", "f.##.exr", "--frames", "1-3"];
@@ -209,7 +209,7 @@ fn a_sequence_goes_on_where_it_ended() {
     assert!(run(&[]).status.success());
     let path = |name: &str| folder.path().join(name);
     let whole = std::fs::read(path("f.02.png")).expect("a picture");
-    // Of each frame all pictures must be there.
+    // A frame is complete only with all its pictures.
     std::fs::remove_file(path("f.02.png")).expect("removed");
     std::fs::write(path("f.01.png"), "kept as it is").expect("written");
     let output = run(&["--resume"]);

@@ -1,4 +1,4 @@
-//! The scenes of `scenes/showcase`, whose meshes a script next to each builds or fetches.
+//! The scenes of `scenes/showcase`, each with a script that builds or fetches its meshes.
 
 use crate::program::{pixels, run};
 use crate::skip::skip;
@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Those whose scripts fetch scans.
+/// Scenes whose scripts fetch scans.
 const FETCHED: [&str; 2] = ["portrait", "statue"];
 
 fn showcase() -> PathBuf {
@@ -23,7 +23,7 @@ fn scenes() -> Vec<String> {
     names
 }
 
-/// A scene as it lies in a fresh clone: without what its script makes.
+/// A scene of a fresh clone: without generated files.
 fn fresh(folder: &Path, name: &str) -> PathBuf {
     let copy = folder.join(name);
     fs::create_dir_all(&copy).expect("made");
@@ -35,7 +35,7 @@ fn fresh(folder: &Path, name: &str) -> PathBuf {
 }
 
 #[test]
-fn scenes_that_are_generated_render() {
+fn generated_scenes_render() {
     if Command::new("python3").arg("--version").output().is_err() {
         skip("python3", "no Python builds the scenes");
         return;

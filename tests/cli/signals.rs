@@ -1,4 +1,4 @@
-//! Signals, threads and memory, as Linux shows them.
+//! Signals, threads and memory, on Linux.
 
 use crate::program::*;
 use std::fs;
@@ -17,7 +17,7 @@ fn start(folder: &Path, fixed: &[&str], more: &[&str]) -> Child {
         .expect("the program starts")
 }
 
-/// Starts a render that would go on for ever, and waits until its threads are at work.
+/// Starts an endless render, and waits until its threads are running.
 fn endless(folder: &Path, more: &[&str]) -> Child {
     endless_scene(folder);
     let fixed = ["render", "endless.toml", "-o", "a.exr", "--depth", "4294967295", "--width", "64"];
@@ -30,7 +30,7 @@ fn endless(folder: &Path, more: &[&str]) -> Child {
     child
 }
 
-/// Processor time of a process, hundredths of a second.
+/// CPU time of a process, hundredths of a second.
 fn cpu_ticks(id: u32) -> u64 {
     let stat = fs::read_to_string(format!("/proc/{id}/stat")).expect("the process runs");
     let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
@@ -43,7 +43,7 @@ fn send(child: &Child, signal: &str) {
 }
 
 #[test]
-fn the_first_signal_ends_even_endless_paths_and_writes_what_is_there() {
+fn first_signal_ends_endless_paths_and_writes_the_picture() {
     for signal in ["-INT", "-TERM"] {
         let folder = tempfile::tempdir().unwrap();
         let child = endless(folder.path(), &["--strict", "--json"]);
@@ -65,7 +65,7 @@ fn the_first_signal_ends_even_endless_paths_and_writes_what_is_there() {
 }
 
 #[test]
-fn a_signal_before_the_first_sample_leaves_the_picture_that_was_there() {
+fn signal_before_the_first_sample_keeps_the_old_picture() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.exr"), "precious").unwrap();
     let child = endless(folder.path(), &[]);
@@ -76,9 +76,9 @@ fn a_signal_before_the_first_sample_leaves_the_picture_that_was_there() {
     assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
 }
 
-/// Some tiles have their samples, others none: less than an earlier picture, and more than none.
+/// Some tiles have samples, others none: less than an earlier picture, and more than nothing.
 #[test]
-fn a_signal_before_all_pixels_have_a_sample_writes_new_files_only() {
+fn signal_before_full_coverage_writes_new_files_only() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.png"), "precious").unwrap();
     let output = stopped_in_its_first_pass(folder.path());
@@ -94,7 +94,7 @@ fn a_signal_before_all_pixels_have_a_sample_writes_new_files_only() {
     assert!(seen > 0 && seen < 4000 * 4000, "{seen} pixels");
 }
 
-/// Renders a large picture and stops it after a second and a half of processor time.
+/// Renders a large picture and stops it after 1.5 s of CPU time.
 fn stopped_in_its_first_pass(folder: &Path) -> Output {
     let scene = cornell();
     let fixed = ["render", &scene, "-o", "a.png", "--size", "4000x4000", "--spp", "64", "--threads", "1"];
@@ -111,7 +111,7 @@ fn stopped_in_its_first_pass(folder: &Path) -> Output {
 }
 
 #[test]
-fn a_picture_that_nobody_reads_is_an_error() {
+fn broken_pipe_of_a_picture_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let fixed = ["render", &scene, "-o", "exr:-", "--size", "400x300", "--spp", "1"];
@@ -123,11 +123,11 @@ fn a_picture_that_nobody_reads_is_an_error() {
 }
 
 #[test]
-fn two_signals_within_a_second_are_one() {
+fn two_signals_within_a_second_count_as_one() {
     let folder = tempfile::tempdir().unwrap();
     let child = long(folder.path(), &["-o", "a.exr", "-o", "a.png", "--save-every", "0.05"], "a.png");
     let picture = folder.path().join("a.exr");
-    // Stopped, it gets both when it goes on.
+    // While stopped, both are pending and arrive when it continues.
     send(&child, "-STOP");
     fs::remove_file(&picture).unwrap();
     send(&child, "-INT");
@@ -139,19 +139,19 @@ fn two_signals_within_a_second_are_one() {
 }
 
 #[test]
-fn one_thread_is_all_that_works() {
+fn one_render_thread() {
     let folder = tempfile::tempdir().unwrap();
     let mut child = endless(folder.path(), &["--threads", "1"]);
     let status = fs::read_to_string(format!("/proc/{}/status", child.id())).expect("it runs");
     child.kill().expect("it can be ended");
     child.wait().expect("it ends");
     let threads = status.lines().find_map(|l| l.strip_prefix("Threads:")).expect("a count");
-    // The main thread, the one that waits for signals, the one that works.
+    // The main thread, the signal thread, and the render thread.
     assert_eq!(threads.trim(), "3");
 }
 
 #[test]
-fn memory_that_is_not_there_is_an_error() {
+fn out_of_memory_is_an_error() {
     let folder = tempfile::tempdir().unwrap();
     let run = |more: &str| {
         let program = env!("CARGO_BIN_EXE_oscura");
@@ -166,9 +166,9 @@ fn memory_that_is_not_there_is_an_error() {
     assert!(names(folder.path()).is_empty());
 }
 
-/// Pictures on the way to one without noise keep it, with what taking it out needs; nobody else gets that.
+/// Intermediate pictures of denoised renders are noisy and keep the denoiser's inputs; other renders don't.
 #[test]
-fn pictures_on_the_way_can_be_denoised() {
+fn intermediate_pictures_can_be_denoised() {
     let folder = tempfile::tempdir().unwrap();
     let child = long(folder.path(), &["-o", "a.exr", "--save-every", "0.05", "--denoise"], "a.exr");
     let (picture, kept) = (folder.path().join("a.exr"), folder.path().join("kept.exr"));
@@ -184,7 +184,7 @@ fn pictures_on_the_way_can_be_denoised() {
     says(&run(folder.path(), &["denoise", "kept.exr", "-o", "clean.exr"], 0), "guides   albedo, normal;");
 }
 
-/// Starts a render of very many samples; waits until a picture is there.
+/// Starts a render of very many samples; waits until a picture exists.
 fn long(folder: &Path, more: &[&str], picture: &str) -> Child {
     let scene = cornell();
     let fixed = ["render", &scene, "--width", "32", "--spp", "100000000"];
@@ -198,7 +198,7 @@ fn long(folder: &Path, more: &[&str], picture: &str) -> Child {
 }
 
 #[test]
-fn pictures_on_the_way_are_whole_and_say_that_they_are_not_finished() {
+fn intermediate_pictures_are_complete_files_marked_unfinished() {
     let folder = tempfile::tempdir().unwrap();
     let child = long(folder.path(), &["-o", "a.exr", "-o", "a.png", "--save-every", "0.05"], "a.png");
     let picture = folder.path().join("a.exr");
@@ -210,7 +210,7 @@ fn pictures_on_the_way_are_whole_and_say_that_they_are_not_finished() {
 }
 
 #[test]
-fn a_frame_that_is_stopped_is_left_to_the_next_time() {
+fn interrupted_frames_are_rendered_next_time() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("f.0001.exr"), "").unwrap();
     let frames = ["-o", "f.exr", "--frames", "1-2", "--resume", "--json"];
@@ -223,9 +223,9 @@ fn a_frame_that_is_stopped_is_left_to_the_next_time() {
     assert_eq!(names(folder.path()), ["f.0001.exr"]);
 }
 
-/// A pipe that gives the model late: meanwhile it is reported that loading takes a while, to people or programs as they have it.
+/// A pipe that delays the model: slow loading is reported, as text or JSON.
 #[test]
-fn what_takes_more_than_two_seconds_is_reported() {
+fn slow_loading_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let pipe = folder.path().join("late.ply");
     let model = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes/torus.ply")).unwrap();

@@ -1,10 +1,10 @@
-//! Models without camera or light: the stage, turntables and thumbnails.
+//! Models without camera or light: the default stage, turntables and thumbnails.
 
 use crate::program::*;
 use std::fs;
 use std::path::Path;
 
-/// A pyramid with z up on a square base.
+/// A z-up pyramid on a square base.
 fn pyramid(folder: &Path) {
     let text = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 3\n\
                 f 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
@@ -19,7 +19,7 @@ fn shoot(folder: &Path, more: &[&str]) -> String {
 }
 
 #[test]
-fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
+fn default_stage_and_up_axis_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let messages = shoot(folder.path(), &["-o", "a.png"]);
@@ -28,24 +28,24 @@ fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
     let picture = image::open(folder.path().join("a.png")).unwrap();
     assert!(!picture.color().has_alpha());
     let rgb = picture.into_rgb8();
-    // The corner shows the ground; the model is lighter where the key light falls, nowhere burnt out.
+    // The corner shows the ground; the model is brighter where the key light falls, without clipping.
     let corner = rgb.get_pixel(2, 2)[0];
     assert!((100..220).contains(&corner), "{corner}");
     assert!(rgb.pixels().all(|p| p.0 != [255; 3]));
     let brightest = rgb.pixels().map(|p| p[0]).max().unwrap();
     assert!(brightest > corner + 20, "{brightest} over {corner}");
-    // As the caller has it.
+    // As set by the caller.
     let quiet = shoot(folder.path(), &["-o", "b.png", "--up", "y"]);
     assert!(!quiet.contains("--up"), "{quiet}");
 }
 
 #[test]
-fn no_stage_means_no_light_and_is_reported() {
+fn missing_light_is_reported_without_a_stage() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let messages = shoot(folder.path(), &["-o", "a.png", "--stage", "none"]);
     assert!(messages.contains("warning:") && messages.contains("--stage"), "{messages}");
-    // Lamps of the file stay, and so does what glows.
+    // Lights and emissive materials of the file stay.
     fs::write(folder.path().join("a.mtl"), "newmtl glow\nKe 3 3 3\n").unwrap();
     let model = fs::read_to_string(folder.path().join("a.obj")).unwrap();
     fs::write(folder.path().join("a.obj"), format!("mtllib a.mtl\nusemtl glow\n{model}")).unwrap();
@@ -54,7 +54,7 @@ fn no_stage_means_no_light_and_is_reported() {
 }
 
 #[test]
-fn backgrounds_are_colours_pictures_or_nothing() {
+fn backgrounds_are_colours_pictures_or_transparent() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let corner = |name: &str, more: &[&str]| {
@@ -63,12 +63,12 @@ fn backgrounds_are_colours_pictures_or_nothing() {
     };
     assert_eq!(corner("c.png", &["--background", "#204060"]), [0x20, 0x40, 0x60, 255]);
     assert_eq!(corner("t.png", &["--background", "transparent"]), [0, 0, 0, 0]);
-    // The picture covers the frame: only its middle is seen.
+    // The picture is cropped to fill the frame: only its middle is visible.
     image::RgbImage::from_fn(64, 16, |x, _| image::Rgb(if x < 24 { [255, 0, 0] } else { [0, 0, 255] }))
         .save(folder.path().join("back.png"))
         .unwrap();
     assert_eq!(corner("p.png", &["--background", "back.png"]), [0, 0, 255, 255]);
-    // The ground takes the background's colour where nothing shades it.
+    // The unshadowed ground matches the background's colour.
     shoot(folder.path(), &["-o", "g.png", "--background", "#808080", "--spp", "64"]);
     let ground = image::open(folder.path().join("g.png")).unwrap().into_rgb8();
     let edge: Vec<u8> = (0..48).map(|x| ground.get_pixel(x, 1)[0]).collect();
@@ -76,9 +76,9 @@ fn backgrounds_are_colours_pictures_or_nothing() {
     assert!((mean - 128.0).abs() < 14.0, "{mean}");
 }
 
-/// Seen from the front, the horizon is in the picture: left of the model, rows above and below it look alike.
+/// From the front, the horizon is in view: left of the model, rows above and below it look alike.
 #[test]
-fn the_ground_meets_the_background_without_a_line() {
+fn ground_blends_into_the_background() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let more: [&[&str]; 5] = [
@@ -92,7 +92,7 @@ fn the_ground_meets_the_background_without_a_line() {
         let fixed = ["-o", "a.png", "--view-from", "front", "--spp", "256", "--up", "z"];
         shoot(folder.path(), &[&fixed[..], more].concat());
         let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
-        // The key light is on this side, so the shadow falls to the other.
+        // The key light is on this side, the shadow on the other.
         let row =
             |y: u32, c: usize| (0..8).map(|x| f64::from(picture.get_pixel(x, y).0[c])).sum::<f64>() / 8.0;
         for c in 0..3 {
@@ -104,7 +104,7 @@ fn the_ground_meets_the_background_without_a_line() {
 }
 
 #[test]
-fn shadows_fall_on_pictures_and_on_nothing() {
+fn shadows_on_background_pictures_and_transparency() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let pixels = |name: &str, more: &[&str]| {
@@ -121,7 +121,7 @@ fn shadows_fall_on_pictures_and_on_nothing() {
         .unwrap();
     let plate = pixels("p.png", &["--background", "sky.png"]);
     assert_eq!(plate.get_pixel(1, 1).0, [90, 160, 220, 255]);
-    // Where alpha says that the ground is shaded the picture behind it is darker, and far above nothing has changed.
+    // Where alpha marks a shadow the picture behind is darker, and far above nothing has changed.
     let shades: Vec<(u8, u8)> = open
         .pixels()
         .zip(plate.pixels())
@@ -133,9 +133,9 @@ fn shadows_fall_on_pictures_and_on_nothing() {
     assert!((0..48).all(|x| plate.get_pixel(x, 0).0 == [90, 160, 220, 255]));
 }
 
-/// A copy that stands elsewhere is turned as the one at the origin is.
+/// A translated copy is oriented as the one at the origin.
 #[test]
-fn where_a_model_stands_says_nothing_about_its_axis() {
+fn up_axis_detection_is_translation_invariant() {
     let folder = tempfile::tempdir().unwrap();
     let base = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 3.0, 0.0]];
     for (turn, axis) in [([0, 1, 2], "y"), ([2, 0, 1], "z")] {
@@ -153,9 +153,9 @@ fn where_a_model_stands_says_nothing_about_its_axis() {
     }
 }
 
-/// Coordinates of maps have more digits than single precision: the picture is that of the same hills at the origin, to the bit.
+/// Map coordinates exceed single precision: the picture is that of the same terrain at the origin, to the bit.
 #[test]
-fn hills_of_a_map_are_those_at_the_origin() {
+fn geospatial_coordinates_match_the_origin() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, [east, north]: [f64; 2]| {
         let height = |i: u32, j: u32| f64::from((i * 7 + j * 3) % 5) * 0.25;
@@ -195,7 +195,7 @@ fn hills_of_a_map_are_those_at_the_origin() {
 }
 
 #[test]
-fn choices_about_the_stage_are_refused_or_reported_to_change_nothing() {
+fn stage_options_without_effect_are_refused_or_reported() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     for (option, value) in
@@ -220,7 +220,7 @@ fn choices_about_the_stage_are_refused_or_reported_to_change_nothing() {
 }
 
 #[test]
-fn facets_become_smooth_on_demand() {
+fn smooth_shading_option() {
     let folder = tempfile::tempdir().unwrap();
     // A bent strip: eight faces around a quarter of a tube.
     let ring = |i: u32| (f64::from(i) / 8.0 * std::f64::consts::FRAC_PI_2).sin_cos();
@@ -249,21 +249,21 @@ fn facets_become_smooth_on_demand() {
     assert!(code(&other) == 0 && stderr(&other).contains("--smooth"), "{}", stderr(&other));
 }
 
-/// Poles of spheres are no reason to refuse a model.
+/// Degenerate triangles at poles of spheres are accepted.
 #[test]
-fn triangles_without_area_are_a_note() {
+fn degenerate_triangles_are_a_note() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\nf 1 2 4\n").unwrap();
     let messages = shoot(folder.path(), &["-o", "a.png", "--strict"]);
     assert!(messages.contains("note: 1 "), "{messages}");
-    // A place alone is aimed at the model.
+    // A position alone is aimed at the model.
     let messages = shoot(folder.path(), &["-o", "b.png", "--eye", "0.3,0.3,4", "--frames", "1-2"]);
     assert!(messages.contains("warning: "), "{messages}");
     let picture = image::open(folder.path().join("b.0001.png")).unwrap().into_rgb8();
     assert!(picture.get_pixel(24, 24) != picture.get_pixel(2, 24));
 }
 
-/// A square floor with a camera, of glTF, and a spark that emits light.
+/// A square floor with a camera as glTF, and a small emissive triangle.
 fn spark(folder: &Path) {
     let floats = |list: &[f32]| list.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
     let floor = [[-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [0.0, 0.0, -2.0]];
@@ -289,7 +289,7 @@ fn spark(folder: &Path) {
 }
 
 #[test]
-fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
+fn emissive_parts_do_not_disable_default_lights() {
     let folder = tempfile::tempdir().unwrap();
     spark(folder.path());
     let shoot = |name: &str, more: &[&str]| {
@@ -313,7 +313,7 @@ fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
 }
 
 #[test]
-fn a_camera_goes_around_a_model() {
+fn turntables() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     shoot(
@@ -329,7 +329,7 @@ fn a_camera_goes_around_a_model() {
         let sum: u64 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
         sum as f64 / a.as_raw().len() as f64
     };
-    // A square pyramid looks the same after a quarter: the light goes along.
+    // A square pyramid looks the same after a quarter turn: the light rotates with the camera.
     assert!(apart(&frame(0), &frame(1)) < 6.0, "{}", apart(&frame(0), &frame(1)));
     let gif = fs::read(folder.path().join("turn.gif")).unwrap();
     assert!(gif.starts_with(b"GIF89a"));
@@ -356,7 +356,7 @@ fn thumbnails_of_many_models_list_those_that_fail() {
 }
 
 #[test]
-fn thumbnails_replace_nothing_that_a_model_is_made_of() {
+fn thumbnails_never_overwrite_textures() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());
     let file = |name: &str| folder.path().join(name);
@@ -382,7 +382,7 @@ fn thumbnails_replace_nothing_that_a_model_is_made_of() {
     assert_eq!(fs::read(file("q.thumb.png")).unwrap(), texture);
     assert_eq!(fs::read_to_string(file("b.thumb.png")).unwrap(), "a texture");
     run(folder.path(), &["thumb", "q.obj", "-o", "small", "--size", "16", "--spp", "1"], 0);
-    // A picture that is no part of its model is made anew.
+    // Other pictures are overwritten.
     for _ in 0..2 {
         run(folder.path(), &["thumb", "a.obj", "--size", "16", "--spp", "1"], 0);
     }

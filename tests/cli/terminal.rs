@@ -5,8 +5,8 @@ use crate::skip::skip;
 use std::path::Path;
 use std::process::Command;
 
-/// Runs the program in a terminal of 60 x 20 characters; what it printed there comes back. `None` where there is no Python to
-/// make a terminal.
+/// Runs the program in a terminal of 60 x 20 characters and returns its output. `None` without Python, which provides the
+/// terminal.
 #[cfg(unix)]
 fn in_terminal(folder: &Path, term: &str, words: &[&str]) -> Option<(i32, String)> {
     const SPAWN: &str = "import os, pty, sys; sys.exit(os.waitstatus_to_exitcode(pty.spawn(sys.argv[1:])))";
@@ -31,7 +31,7 @@ const SMALL: [&str; 9] = ["--width", "40", "--height", "32", "--spp", "2", "--th
 
 type Pixel = Option<[u8; 3]>;
 
-/// The pixels of a drawing in half blocks: of each line two rows. `None` is the terminal's own ground.
+/// The pixels of a half-block drawing: two rows per line. `None` is the terminal's background.
 fn pixels(drawn: &str) -> Vec<Vec<Pixel>> {
     let mut rows = Vec::new();
     for line in drawn.lines().filter(|line| line.contains("\x1b[")) {
@@ -74,7 +74,7 @@ fn a_terminal_shows_the_pixels_of_the_png() {
         let [r, g, b, a] = pixel.0;
         assert_eq!(shown[y as usize][x as usize], (a >= 128).then_some([r, g, b]), "({x}, {y})");
     }
-    // A larger picture is made as small as the terminal: 20 lines but for two, of two rows each.
+    // A larger picture is scaled to the terminal: 20 lines minus two, of two rows each.
     let large =
         ["render", &cornell(), "--show", "--width", "120", "--height", "120", "--spp", "1", "--quiet"];
     let (code, drawn) = in_terminal(folder.path(), "xterm-256color", &large).expect("as before");
@@ -84,7 +84,7 @@ fn a_terminal_shows_the_pixels_of_the_png() {
 
 #[test]
 #[cfg(unix)]
-fn terminals_that_show_graphics_get_them() {
+fn graphics_protocols_of_terminals() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let of = |term: &str, show: &str| {
@@ -102,7 +102,7 @@ fn terminals_that_show_graphics_get_them() {
 }
 
 #[test]
-fn what_is_no_terminal_is_refused_before_work_starts() {
+fn non_terminals_are_refused_before_rendering() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |more: &[&str], why: &str| {
         says(&run(folder.path(), &[&["render", &cornell(), "-o", "a.png", "--show"], more].concat(), 2), why);
@@ -114,7 +114,7 @@ fn what_is_no_terminal_is_refused_before_work_starts() {
 
 #[test]
 #[cfg(unix)]
-fn parts_are_not_shown() {
+fn crops_are_not_shown() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
     let words = [&["render", &scene, "--show", "--sample-range", "0..8"], &SMALL[..]].concat();

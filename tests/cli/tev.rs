@@ -1,5 +1,5 @@
-//! `--preview=tev`, against a listener that takes packets apart as tev does (its `Ipc.h`: a length that counts itself, the kind
-//! as a byte, strings that end in 0, little-endian numbers).
+//! `--preview=tev`, against a listener that parses tev's protocol (its `Ipc.h`: a length that includes itself, the type as a
+//! byte, zero-terminated strings, little-endian numbers).
 
 use crate::program::*;
 use std::collections::BTreeMap;
@@ -10,7 +10,7 @@ use std::thread;
 const CREATE: u8 = 4;
 const UPDATE_BY_OFFSETS: u8 = 6;
 
-/// What is left of a packet.
+/// The rest of a packet.
 struct Packet(Vec<u8>);
 
 impl Packet {
@@ -82,7 +82,7 @@ impl Viewer {
 }
 
 #[test]
-fn tev_has_the_finished_picture_with_its_passes() {
+fn tev_receives_the_finished_picture_with_passes() {
     let folder = tempfile::tempdir().unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let how = format!("--preview=tev:{}", listener.local_addr().expect("an address"));
@@ -117,12 +117,12 @@ fn without_tev_nothing_is_rendered() {
 }
 
 #[test]
-fn a_viewer_that_is_closed_loses_no_picture() {
+fn closed_viewers_do_not_affect_the_render() {
     let folder = tempfile::tempdir().unwrap();
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let how = format!("--preview=tev:{}", listener.local_addr().expect("an address"));
     let viewer = thread::spawn(move || drop(listener.accept()));
-    // More than the buffers of a connection hold.
+    // More than the socket buffers hold.
     let scene = cornell();
     let arguments = ["render", &scene, "-o", "a.exr", &how, "--width", "600", "--spp", "1"];
     let output = oscura(folder.path(), &arguments);

@@ -1,4 +1,4 @@
-//! Moving pictures of turntables and sequences, by ffmpeg where it is installed.
+//! Videos of turntables and sequences, by ffmpeg where installed.
 
 use crate::program::*;
 use crate::skip::skip;
@@ -75,7 +75,7 @@ fn a_sequence_becomes_video_or_an_animation() {
     says(&run(folder.path(), &["render", &scene, "-o", "a.mp4"], 2), "--orbit");
 }
 
-/// Makes a video where only this folder is searched for programs.
+/// Makes a video with only this folder in the search path.
 fn command(programs: &Path, folder: &Path, frames: &str) -> Command {
     let scene = cornell();
     let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
@@ -88,7 +88,7 @@ fn with_programs(programs: &Path, folder: &Path) -> Output {
     command(programs, folder, "3").output().expect("it starts")
 }
 
-/// Makes an encoder that does this.
+/// Writes a fake encoder.
 #[cfg(unix)]
 fn encoder(folder: &Path, behaviour: &str) {
     use std::os::unix::fs::PermissionsExt;
@@ -98,7 +98,7 @@ fn encoder(folder: &Path, behaviour: &str) {
 }
 
 #[test]
-fn a_missing_encoder_is_reported_before_work_starts() {
+fn missing_encoder_is_reported_before_rendering() {
     let (programs, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let output = with_programs(programs.path(), folder.path());
     assert_eq!(code(&output), 2, "{}", stderr(&output));
@@ -109,7 +109,7 @@ fn a_missing_encoder_is_reported_before_work_starts() {
 
 #[test]
 #[cfg(unix)]
-fn a_failing_encoder_speaks_for_itself_and_leaves_nothing() {
+fn encoder_failures_are_reported_and_leave_no_file() {
     let (programs, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     for behaviour in ["exit 1", "read -r line; exit 1", "/bin/cat > /dev/null; exit 1"] {
         encoder(programs.path(), &format!("echo \"Unknown encoder 'libx264'\" >&2\n{behaviour}"));
@@ -124,7 +124,7 @@ fn a_failing_encoder_speaks_for_itself_and_leaves_nothing() {
 
 #[test]
 #[cfg(unix)]
-fn a_video_that_is_interrupted_is_not_there() {
+fn interrupted_videos_leave_no_file() {
     use std::io::{BufRead, BufReader};
     let (programs, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     encoder(programs.path(), "/bin/cat > \"$0.frames\"");

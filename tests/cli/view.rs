@@ -1,4 +1,4 @@
-//! `oscura view`: what its page asks for, and the page itself in a browser where there is one.
+//! `oscura view`: the requests of its page, and the page itself in a browser where available.
 
 use crate::program::*;
 use crate::skip::skip;
@@ -25,7 +25,7 @@ sphere = { center = [0, 0, 0], radius = 0.5 }
 material = "ball"
 "#;
 
-/// A program that shows `scene.toml` in a folder of its own.
+/// A viewer of `scene.toml` in a folder of its own.
 struct View {
     folder: tempfile::TempDir,
     child: Child,
@@ -61,18 +61,18 @@ impl View {
             .expect("the program starts");
         let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
         let line = lines.find_map(|line| line.ok().filter(|l| l.contains("http://"))).expect("an address");
-        // Who isn't listened to could not go on.
+        // A client that isn't read could not continue.
         std::thread::spawn(move || lines.for_each(drop));
         let place = line.split("127.0.0.1:").nth(1).and_then(|rest| rest.split("/ ").next()).unwrap();
         let (port, key) = place.split_once('/').unwrap();
         View { folder, child, port: port.parse().unwrap(), path: format!("/{key}") }
     }
 
-    /// A connection on which something has been sent.
+    /// A connection after sending something.
     fn send(&self, text: &str) -> TcpStream {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
-        // Who is refused early may not take all of it.
+        // A client rejected early may not send everything.
         stream.write_all(text.as_bytes()).ok();
         stream
     }
@@ -82,7 +82,7 @@ impl View {
         self.ask_outside(method, &format!("{}{path}", self.path), body, headers)
     }
 
-    /// Status and body for a path that may not have the page's key.
+    /// Status and body for a path without the page's key.
     fn ask_outside(&self, method: &str, path: &str, body: &str, headers: &[&str]) -> (u16, Vec<u8>) {
         let own = format!("Host: 127.0.0.1:{}", self.port);
         let headers = if headers.is_empty() { own } else { headers.join("\r\n") };
@@ -96,7 +96,7 @@ impl View {
         assert_eq!(status, 200, "{path} {body}: {}", String::from_utf8_lossy(&answer));
     }
 
-    /// The state and the pixels, as soon as the state suits.
+    /// The state and the pixels, once the state satisfies the predicate.
     fn wait(&self, suits: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
         let (start, mut version) = (Instant::now(), 0);
         loop {
@@ -127,7 +127,7 @@ impl Drop for View {
     }
 }
 
-/// Status and body of an answer, read to its end.
+/// Status and body of a complete response.
 fn answer(mut stream: TcpStream) -> (u16, Vec<u8>) {
     let mut answer = Vec::new();
     stream.read_to_end(&mut answer).unwrap();
@@ -141,7 +141,7 @@ fn pixel(pixels: &[u8], x: usize, y: usize) -> [u8; 4] {
 }
 
 #[test]
-fn a_picture_refines_turns_and_is_probed() {
+fn progressive_refinement_orbit_and_probe() {
     let view = View::new(&[]);
     let (state, pixels) = view.finished();
     assert_eq!((&state["width"], &state["height"], &state["samples"]), (&64.into(), &48.into(), &4.0.into()));
@@ -153,7 +153,7 @@ fn a_picture_refines_turns_and_is_probed() {
     assert!((probe["values"]["Z"].as_f64().unwrap() - 3.5).abs() < 0.02, "{probe}");
     assert_eq!(view.ask("GET", "/probe?x=2&y=0.5", "", &[]).0, 404);
 
-    // A pan by half a picture takes the ball to the edge; no other page needs to ask for it.
+    // Panning by half a picture moves the sphere to the edge; no other page needs to ask for it.
     view.post("/move", r#"{"pan": [0.5, 0]}"#);
     let (state, moved) = view.finished();
     assert_eq!(pixel(&moved, 32, 24), [188, 188, 188, 255]);
@@ -173,20 +173,20 @@ fn a_picture_refines_turns_and_is_probed() {
     }
 }
 
-/// Renders by the command that a page tells; it must be the picture that the page shows.
+/// Runs the command that a page shows; it must give the page's picture.
 fn assert_command_renders(view: &View, (state, shown): (Value, Vec<u8>)) {
     let command = state["command"].as_str().unwrap();
     let words: Vec<&str> = command.split(' ').skip(1).collect();
     let output = oscura(view.folder.path(), &words);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let rendered = image::open(view.folder.path().join("picture.png")).unwrap().into_rgba8();
-    // The camera's place is rounded to seven digits.
+    // The camera position is rounded to seven digits.
     let differ = rendered.as_raw().iter().zip(&shown).filter(|(a, b)| a.abs_diff(**b) > 2).count();
     assert!(differ <= shown.len() / 200, "{differ} of {} bytes differ: {command}", shown.len());
 }
 
 #[test]
-fn the_command_renders_what_is_shown() {
+fn command_reproduces_the_view() {
     let view = View::new(&[]);
     view.finished();
     view.post("/move", r#"{"orbit": [0.5, 0.25], "pan": [0.1, 0.05]}"#);
@@ -194,7 +194,7 @@ fn the_command_renders_what_is_shown() {
 }
 
 #[test]
-fn the_command_says_what_the_arguments_said() {
+fn command_contains_the_arguments() {
     let scene = SCENE.replace("[camera]", "[render]\nexposure = 2\nview = \"agx\"\nsamples = 1\n[camera]");
     let arguments = "view scene.toml --no-open --eye 1,2,3 --target 0.2,0,0 --defocus 8 --fov 50";
     let arguments: Vec<&str> = arguments.split(' ').collect();
@@ -210,7 +210,7 @@ fn the_command_says_what_the_arguments_said() {
 }
 
 #[test]
-fn pictures_so_far_are_saved_as_files() {
+fn intermediate_pictures_can_be_saved() {
     let view = View::new(&[]);
     view.finished();
     let (status, exr) = view.ask("GET", "/picture.exr", "", &[]);
@@ -222,14 +222,14 @@ fn pictures_so_far_are_saved_as_files() {
     assert_eq!(view.ask("GET", "/../Cargo.toml", "", &[]).0, 404);
 }
 
-/// A grey ball under a sky, whose pixels are noisy.
+/// A grey sphere under a sky, with noisy pixels.
 fn noisy_scene() -> String {
     let scene =
         SCENE.replace("background = [0.5, 0.5, 0.5]", "sky = { nadir = [0, 0, 0], zenith = [1, 2, 4] }");
     scene.replace("type = \"emissive\"\nradiance = [1, 0, 0]", "type = \"lambert\"\ncolor = [0.8, 0.8, 0.8]")
 }
 
-/// Mean difference of neighbours within the ball.
+/// Mean difference of neighbours within the sphere.
 fn roughness(pixels: &[u8]) -> f64 {
     let places = || (18..30).flat_map(|y| (26..38).map(move |x| (x, y)));
     let step = |(x, y)| f64::from(pixel(pixels, x, y)[1].abs_diff(pixel(pixels, x + 1, y)[1]));
@@ -237,7 +237,7 @@ fn roughness(pixels: &[u8]) -> f64 {
 }
 
 #[test]
-fn pictures_are_denoised_where_that_is_wanted() {
+fn denoising_can_be_switched_on() {
     let view = View::of(
         &[("scene.toml", &noisy_scene())],
         &["view", "scene.toml", "--no-open", "--spp", "4", "--denoise"],
@@ -282,11 +282,11 @@ fn objects_have_outlines_and_names() {
     }
 }
 
-/// A tetrahedron before the camera with two materials, one of them by its side.
+/// A tetrahedron in front of the camera with two materials, one in a library next to it.
 const PAINTED: &str = "mtllib m.mtl\nusemtl red paint\nv -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 1\nf 1 2 4\nf 2 3 4\nf 3 1 4\nf 2 1 3\n";
 
 #[test]
-fn materials_are_changed_undone_and_saved_beside_the_model() {
+fn material_edits_undo_and_save_to_a_sidecar() {
     let files = [
         ("model.obj", PAINTED),
         ("m.mtl", "newmtl red paint\nKd 0.8 0.05 0.05\nKs 0.5 0.5 0.5\nNs 50\nillum 2\n"),
@@ -326,7 +326,7 @@ fn materials_are_changed_undone_and_saved_beside_the_model() {
     let (_, again) = view.wait(is_shown(1));
     assert_eq!(again, blue, "as before");
 
-    // Saved, a render shows the same, and the file keeps what it had.
+    // Once saved, a render shows the same, and the file keeps its contents.
     view.post("/save", "");
     let text = fs::read_to_string(view.folder.path().join("model.oscura.toml")).unwrap();
     assert_eq!(
@@ -348,7 +348,7 @@ fn materials_are_changed_undone_and_saved_beside_the_model() {
 }
 
 #[test]
-fn scene_files_show_the_lines_and_the_environment_gets_stronger() {
+fn scene_file_lines_and_environment_strength() {
     let view = View::new(&[]);
     let (state, before) = view.finished();
     assert!(state["scene_info"]["sidecar"].is_null() && state["strength"] == 1.0, "{state}");
@@ -364,7 +364,7 @@ fn scene_files_show_the_lines_and_the_environment_gets_stronger() {
     assert_command_renders(&view, view.wait(|state| state["strength"] == 0.5 && state["finished"] == true));
 }
 
-/// A wall before the camera and a green lamp in front of it.
+/// A wall in front of the camera and a green light in front of it.
 const LIT: &str = r#"{
     "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}],
     "extensionsUsed": ["KHR_lights_punctual"],
@@ -379,7 +379,7 @@ const LIT: &str = r#"{
 }"#;
 
 #[test]
-fn lamps_are_changed_and_saved_beside_the_model() {
+fn light_edits_are_saved_to_a_sidecar() {
     let sidecar = "[[lights]]\nname = \"key\"\narea = { center = [3, 3, 4], target = [0, 0, 0], size = [1, 1], power = 1 }\n";
     let files = [("room.gltf", LIT), ("room.oscura.toml", sidecar)];
     let view = View::of(&files, &["view", "room.gltf", "--no-open", "--spp", "4"]);
@@ -402,7 +402,7 @@ fn lamps_are_changed_and_saved_beside_the_model() {
     assert!(r > 30 && g == 0 && b == 0, "red alone: {r} {g} {b}");
     assert_eq!(state["lights"][0]["color"], serde_json::json!([1.0, 0.0, 0.0]));
 
-    // Saved, a render shows the same; undone, all is as it was.
+    // Once saved, a render shows the same; after undo everything is as before.
     view.post("/save", "");
     let text = fs::read_to_string(view.folder.path().join("room.oscura.toml")).unwrap();
     let added = text.strip_prefix(sidecar).expect("the light is as it was");
@@ -417,7 +417,7 @@ fn lamps_are_changed_and_saved_beside_the_model() {
 }
 
 #[test]
-fn passes_have_small_pictures() {
+fn passes_have_thumbnails() {
     let view = View::new(&[]);
     view.finished();
     for (pass, shown) in [("", [255, 0, 0, 255]), ("normal", [128, 128, 255, 255])] {
@@ -432,7 +432,7 @@ fn passes_have_small_pictures() {
     for none in ["roughness", "nonsense"] {
         assert_eq!(view.ask("GET", &format!("/thumbnail?pass={none}"), "", &[]).0, 404, "{none}");
     }
-    // What is recorded anyway is shown without rendering again.
+    // Recorded passes are shown without rendering again.
     let (state, _) = view.finished();
     view.post("/set", r#"{"pass": "albedo"}"#);
     let (after, _) = view.wait(|state| state["pass"] == "albedo");
@@ -440,7 +440,7 @@ fn passes_have_small_pictures() {
 }
 
 #[test]
-fn models_change_their_stage_and_their_up_axis() {
+fn stage_and_up_axis_can_be_changed() {
     let mesh = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
     let view =
         View::of(&[("model.obj", mesh)], &["view", "model.obj", "--no-open", "--spp", "1", "--up", "y"]);
@@ -464,7 +464,7 @@ fn models_change_their_stage_and_their_up_axis() {
 }
 
 #[test]
-fn lying_slow_and_silent_clients_do_no_harm() {
+fn malformed_slow_and_idle_clients() {
     let view = View::new(&["--threads", "2"]);
     let head = format!("POST {}/set HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n", view.path, view.port);
     let slow = view.send(&head);
@@ -475,7 +475,7 @@ fn lying_slow_and_silent_clients_do_no_harm() {
     assert_eq!(answer(view.send(&format!("{head}A: {}\r\n\r\n", "a".repeat(100_000)))).0, 431);
     assert_eq!(answer(view.send("GET / HTTP/1.1\r\nno header\r\n\r\n")).0, 400);
 
-    // Requests whose bodies don't come, and connections on which nothing is reported.
+    // Requests without their bodies, and idle connections.
     let start = Instant::now();
     let waiting: Vec<TcpStream> = (0..150)
         .map(|i| {
@@ -485,7 +485,7 @@ fn lying_slow_and_silent_clients_do_no_harm() {
     assert_eq!(view.ask("GET", "/", "", &[]).0, 200);
     view.post("/set", r#"{"exposure": 0}"#);
     assert!(start.elapsed() < Duration::from_secs(4), "others don't wait for them: {:?}", start.elapsed());
-    // Where the system tells: the threads of those that were dropped end.
+    // On Linux: the threads of dropped connections end.
     let threads = || {
         let status = fs::read_to_string(format!("/proc/{}/status", view.child.id())).ok()?;
         status.lines().find_map(|line| line.strip_prefix("Threads:"))?.trim().parse::<u32>().ok()
@@ -494,7 +494,7 @@ fn lying_slow_and_silent_clients_do_no_harm() {
         assert!(start.elapsed() < Duration::from_secs(4), "{:?} threads", threads());
     }
     drop(waiting);
-    // The first of them was closed when others came, else after a while.
+    // The first of them was closed when others came, or after a timeout.
     let mut nothing = Vec::new();
     (&slow).read_to_end(&mut nothing).ok();
     assert!(nothing.is_empty());
@@ -505,7 +505,7 @@ fn lying_slow_and_silent_clients_do_no_harm() {
 }
 
 #[test]
-fn who_does_not_know_the_key_sees_nothing() {
+fn requests_without_the_key_are_refused() {
     let view = View::new(&[]);
     let other = format!("/{}/", "0".repeat(32));
     for path in ["/", "/frame?after=0", "/open/", &other] {
@@ -517,7 +517,7 @@ fn who_does_not_know_the_key_sees_nothing() {
 }
 
 #[test]
-fn foreign_hosts_and_sites_are_refused() {
+fn other_hosts_and_origins_are_refused() {
     let view = View::new(&[]);
     let own = format!("Host: localhost:{}", view.port);
     assert_eq!(view.ask("GET", "/", "", &[&own]).0, 200);
@@ -533,7 +533,7 @@ fn foreign_hosts_and_sites_are_refused() {
 }
 
 #[test]
-fn saved_scenes_are_loaded_again_and_broken_ones_reported() {
+fn changed_scenes_are_reloaded_and_errors_reported() {
     let view = View::new(&["--watch"]);
     let file = view.folder.path().join("scene.toml");
     view.finished();
@@ -551,7 +551,7 @@ fn saved_scenes_are_loaded_again_and_broken_ones_reported() {
 }
 
 #[test]
-fn files_that_the_scene_is_not_made_of_start_nothing() {
+fn unrelated_files_trigger_no_reload() {
     let view = View::new(&["--watch"]);
     let (state, _) = view.finished();
     for name in ["picture.png", "picture.exr", "other.toml"] {
@@ -562,7 +562,7 @@ fn files_that_the_scene_is_not_made_of_start_nothing() {
 }
 
 #[test]
-fn texture_coordinates_are_shown_of_meshes_without_textures() {
+fn uv_pass_of_meshes_without_textures() {
     let mesh = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
     let scene = SCENE.replace("sphere = { center = [0, 0, 0], radius = 0.5 }", "mesh = \"quad.obj\"");
     let files = [("scene.toml", scene.as_str()), ("quad.obj", mesh)];
@@ -575,9 +575,9 @@ fn texture_coordinates_are_shown_of_meshes_without_textures() {
 }
 
 #[test]
-fn what_does_not_fit_into_memory_is_refused() {
+fn oversized_scenes_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    // A file with nothing in it, which takes no room.
+    // A sparse file.
     let file = fs::File::create(folder.path().join("scene.glb")).unwrap();
     if file.set_len(1 << 43).is_err() {
         return skip("large-files", "this disk holds no files of 8 TiB");
@@ -588,7 +588,7 @@ fn what_does_not_fit_into_memory_is_refused() {
 }
 
 #[test]
-fn a_signal_ends_it_in_good_order() {
+fn signals_end_the_viewer_cleanly() {
     let mut view = View::new(&[]);
     let status = Command::new("kill").args(["-INT", &view.child.id().to_string()]).status();
     assert!(status.expect("kill runs").success());
@@ -596,7 +596,7 @@ fn a_signal_ends_it_in_good_order() {
 }
 
 #[test]
-fn a_running_render_is_looked_on_at() {
+fn running_renders_can_be_viewed() {
     let mut view =
         View::start(&["render", "scene.toml", "-o", "a.exr", "--spp", "100000000", "--preview=address"]);
     let (state, pixels) = view.wait(|state| state["samples"].as_f64().is_some_and(|n| n >= 8.0));
@@ -616,7 +616,7 @@ fn a_running_render_is_looked_on_at() {
 }
 
 #[test]
-fn what_has_no_meaning_and_ports_that_are_taken_are_reported() {
+fn invalid_options_and_used_ports_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
     for unused in [&["-o", "a.png"][..], &["--frames", "1-2"], &["--json"], &["--orbit", "8"]] {
@@ -634,7 +634,7 @@ fn what_has_no_meaning_and_ports_that_are_taken_are_reported() {
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
 }
 
-/// A Python with playwright, where there is a browser for it to drive.
+/// A Python with playwright and a browser.
 fn python_with_browser() -> Result<PathBuf, &'static str> {
     let chromium = std::env::var_os("CHROMIUM").map_or("/usr/bin/chromium".into(), PathBuf::from);
     if !chromium.exists() {
@@ -650,7 +650,7 @@ fn python_with_browser() -> Result<PathBuf, &'static str> {
 }
 
 #[test]
-fn the_page_works_in_a_browser() {
+fn page_in_a_browser() {
     let python = match python_with_browser() {
         Ok(python) => python,
         Err(reason) => return skip("playwright", reason),

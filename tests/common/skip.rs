@@ -1,4 +1,4 @@
-//! Tests that need something which this machine lacks: each says so in one line, and fails where it is required.
+//! Tests with requirements that this machine lacks: each reports it in one line, and fails where it is required.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -20,7 +20,7 @@ pub fn skip(need: &str, reason: &str) {
     let line = format!("skipped ({need}): {}::{test}: {reason}\n", env!("CARGO_CRATE_NAME"));
     let file = Path::new(env!("CARGO_TARGET_TMPDIR")).join("skipped.txt");
     let list = OpenOptions::new().create(true).append(true).open(file);
-    // One call each, so that lines of parallel tests stay whole. A report that can't be written fails no test.
+    // One call each, so that lines of parallel tests stay intact. Errors of writing the report are ignored.
     let _ = std::io::stderr().write_all(line.as_bytes());
     let _ = list.and_then(|mut list| list.write_all(line.as_bytes()));
 }

@@ -1,4 +1,4 @@
-//! Memory at the peak of a build, and of textures. The only test of its program, since what it counts is of the whole process.
+//! Peak memory of BVH builds and of textures. A program of its own, since the allocator counts for the whole process.
 
 #![cfg(target_os = "linux")]
 
@@ -8,7 +8,7 @@ use oscura::load::{LoadOptions, load};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// Counts the bytes that are allocated, and the most that were at a time.
+/// Counts allocated bytes, and their peak.
 struct Counting;
 
 static NOW: AtomicUsize = AtomicUsize::new(0);
@@ -22,7 +22,7 @@ unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let now = NOW.fetch_add(layout.size(), Relaxed) + layout.size();
         PEAK.fetch_max(now, Relaxed);
-        // SAFETY: the caller's promises are those that the system asks for.
+        // SAFETY: the caller upholds the contract of the system's allocator.
         unsafe { System.alloc(layout) }
     }
 
@@ -40,7 +40,7 @@ fn status(key: &str) -> f64 {
     line.trim().trim_end_matches(" kB").parse::<f64>().expect("a number") * 1024.0
 }
 
-/// A sheet of `2 n n` triangles, without memory to spare.
+/// A mesh of `2 n n` triangles with exact capacities.
 fn sheet(n: u32) -> Geometry {
     let mut sheet = Geometry::default();
     sheet.positions.reserve_exact(((n + 1) * (n + 1)) as usize);
@@ -58,10 +58,10 @@ fn sheet(n: u32) -> Geometry {
 #[test]
 fn peaks() {
     building_takes_at_most_150_bytes_a_triangle();
-    float_textures_are_never_in_memory_as_a_whole();
+    float_textures_are_never_fully_resident();
 }
 
-/// All that is resident on top of the mesh's own arrays when it is the most: primitives, what threads work on, and the tree.
+/// Peak resident memory besides the mesh's own arrays: primitives, buffers of threads, and the BVH.
 fn building_takes_at_most_150_bytes_a_triangle() {
     let mesh = sheet(1000);
     let triangles = mesh.triangles.len() as f64;
@@ -90,8 +90,8 @@ fn building_takes_at_most_150_bytes_a_triangle() {
     }
 }
 
-/// Two images of 192 MiB each, of which a small picture needs the coarse levels.
-fn float_textures_are_never_in_memory_as_a_whole() {
+/// Two images of 192 MiB each, of which a small picture needs the coarse mip levels.
+fn float_textures_are_never_fully_resident() {
     const SIDE: usize = 4096;
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut scene = "camera = { look_from = [0, 0, 9], look_at = [0, 0, 0] }\n".to_string();

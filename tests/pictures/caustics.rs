@@ -1,5 +1,4 @@
-//! Caustics from the lamp: closed forms that nothing else finds, and the same expected picture where paths from the camera find
-//! them, too.
+//! Caustics by light tracing: closed forms that no other technique samples, and the same expected value as camera paths.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, noise};
 use crate::support::{
@@ -31,7 +30,7 @@ fn lamp(scene: &mut Scene, kind: LightKind, intensity: f32) {
     scene.lights.push(light);
 }
 
-/// A grey floor at y = 0, and a camera that looks straight down on a square of this half height about a point of it.
+/// A grey floor at y = 0, and a camera that looks straight down on a square of this half size around a point.
 fn floor_from_above(scene: &mut Scene, from: DVec3, half_height: f64) {
     let grey = material(scene, Material::lambert("grey", [0.8; 3]));
     quad(scene, [-20.0, 0.0, 20.0], [40.0, 0.0, 0.0], [0.0, 0.0, -40.0], grey);
@@ -48,18 +47,18 @@ fn mean_over_square(half: f64, f: impl Fn(f64, f64) -> f64) -> f64 {
     sum / f64::from(N * N)
 }
 
-/// Irradiance of a floor by a point of intensity 1.
+/// Irradiance of a floor by a point light of intensity 1.
 fn from_point(x: f64, z: f64, [px, py, pz]: [f64; 3]) -> f64 {
     let squared = (px - x).powi(2) + py * py + (pz - z).powi(2);
     py / squared / squared.sqrt()
 }
 
-/// An upright mirror that faces -x at x = 1.5.
+/// A vertical mirror at x = 1.5 that faces -x.
 fn mirror(scene: &mut Scene, mirror: MaterialId) {
     quad(scene, [1.5, 0.2, -0.6], [0.0, 0.0, 1.2], [0.0, 0.8, 0.0], mirror);
 }
 
-/// What a mirror sends to the floor is what its image of the lamp would.
+/// A mirror lights the floor as the mirrored light would.
 #[test]
 fn a_point_and_its_image_in_a_mirror() {
     let mut scene = Scene::default();
@@ -76,7 +75,7 @@ fn a_point_and_its_image_in_a_mirror() {
     assert!((off / radiance(direct) - 1.0).abs() < 1e-3, "without: {off}");
 }
 
-/// The same for a sun, by the law of reflection: its light comes down on the other side at the same angle.
+/// The same for a sun: the mirrored direction.
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn a_sun_and_its_image_in_a_mirror() {
@@ -98,8 +97,8 @@ fn a_sun_and_its_image_in_a_mirror() {
     }
 }
 
-/// Straight through a plane of glass: what both faces let pass and mirror between them, from an image of the lamp that is lifted
-/// by t (1 - 1 / n), and by 2 t / n less for each pair of reflections.
+/// Through a dielectric slab with all inter-reflections: images of the light raised by t (1 - 1 / n), and lowered by 2 t / n per
+/// pair of reflections.
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn a_point_seen_through_a_slab() {
@@ -122,7 +121,7 @@ fn a_point_seen_through_a_slab() {
     assert_radiance("slab", &scene, &options(16, 256, 10).caustics(Caustics::Auto), truth, 1e-2);
 }
 
-/// Balls on a floor under a lamp; `thing` adds what makes the caustics.
+/// Spheres on a floor under an area light; `thing` adds the caustic casters.
 fn stage(thing: impl Fn(&mut Scene)) -> Scene {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.7, 0.6, 0.5]));
@@ -143,7 +142,7 @@ fn ball(of: Material) -> impl Fn(&mut Scene) {
     }
 }
 
-/// A ball of triangles with the normals of a sphere.
+/// A triangulated sphere with smooth normals.
 fn smooth_ball(of: Material) -> impl Fn(&mut Scene) {
     move |scene| {
         let of = material(scene, of.clone());
@@ -172,14 +171,14 @@ fn is_a_triangle(points: &[DVec3], t: [u32; 3]) -> bool {
     (b - a).cross(c - a).length() > 1e-9
 }
 
-/// Nothing but caustics differs.
+/// Options that differ in caustics only.
 fn plain(options: RenderOptions) -> RenderOptions {
     options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
 }
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn caustics_change_no_mean() {
+fn caustics_keep_the_mean() {
     let things: [(&str, Scene); 6] = [
         ("glass", stage(ball(dielectric(1.5)))),
         ("mirror", stage(ball(pbr(1.0, 0.0)))),
@@ -196,7 +195,7 @@ fn caustics_change_no_mean() {
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
+fn caustics_with_depth_of_field_and_pixel_filters() {
     let mut scene = stage(ball(dielectric(1.5)));
     scene.cameras[0].lens =
         Some(ThinLens { defocus_angle_rad: 0.06, focus_distance: 3.5, aperture: Aperture::default() });
@@ -210,9 +209,9 @@ fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
 }
 
 #[test]
-fn caustics_from_the_lamp_are_less_noisy() {
+fn light_traced_caustics_reduce_noise() {
     let mut scene = stage(ball(dielectric(1.5)));
-    // In place of the large lamp.
+    // Replaces the large area light.
     let small = material(&mut scene, Material::emitter("small lamp", [12.0; 3], false));
     scene.quads.pop();
     quad(&mut scene, [-0.8, 2.5, -0.8], [1.6, 0.0, 0.0], [0.0, 0.0, 1.6], small);
@@ -222,7 +221,7 @@ fn caustics_from_the_lamp_are_less_noisy() {
 }
 
 #[test]
-fn caustics_have_the_same_bits_whatever_the_machine() {
+fn caustics_are_deterministic() {
     assert_same_bits(
         "caustics",
         &stage(ball(dielectric(1.5))),
@@ -230,9 +229,9 @@ fn caustics_have_the_same_bits_whatever_the_machine() {
     );
 }
 
-/// Without glass, mirrors or lamps nothing is done.
+/// No light paths are traced without glass, mirrors or lights.
 #[test]
-fn nothing_happens_without_caustics() {
+fn no_light_paths_without_caustic_casters() {
     let scene = stage(ball(Material::lambert("chalk", [0.8; 3])));
     let mut without = rendering(&scene, &options(32, 8, 12).caustics(Caustics::Auto));
     without.run();
@@ -242,9 +241,9 @@ fn nothing_happens_without_caustics() {
     assert!(with.statistics().light_paths.is_some());
 }
 
-/// From ten million metres away directions are too coarse: the light of all lamps is left to paths from the camera.
+/// From ten million metres away directions lack precision: all lights are left to camera paths.
 #[test]
-fn nothing_comes_from_lamps_too_far_away() {
+fn distant_lights_are_left_to_camera_paths() {
     let paths_from_lamps = |height: f64| {
         let mut scene = stage(ball(dielectric(1.5)));
         let white = material(&mut scene, Material::emitter("far lamp", [1.0; 3], false));
@@ -257,16 +256,16 @@ fn nothing_comes_from_lamps_too_far_away() {
     assert_eq!(paths_from_lamps(1e7), None);
 }
 
-/// Light passes and groups of lights have their share: they add up to the picture, have the means that paths from the camera give
-/// them, and change nothing of the picture.
+/// Light passes and light groups contain caustics: they add up to the beauty pass, have the expected values of camera paths, and
+/// leave the beauty pass unchanged.
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn layers_have_their_share_of_caustics() {
+fn passes_and_groups_include_caustics() {
     let mut scene = stage(ball(dielectric(1.5)));
     // Its diffuse and its glossy part both show caustics.
     let plastic = material(&mut scene, pbr(0.0, 0.5));
     scene.quads[0].material = plastic;
-    // A second lamp, in a group of its own.
+    // A second light, in its own light group.
     let shine = Material::emitter("other lamp", [0.0, 2.0, 4.0], false);
     let other = material(&mut scene, Material { light_group: "other".into(), ..shine });
     quad(&mut scene, [2.6, 0.2, -1.0], [0.0, 0.0, 2.0], [0.0, 1.5, 0.0], other);
@@ -330,9 +329,9 @@ fn caustic_of_a_ball() -> Scene {
     scene
 }
 
-/// The variance knows of light from the lamp: here it is all the noise that there is.
+/// The variance estimate includes light tracing, which is all the noise here.
 #[test]
-fn the_variance_has_that_of_caustics() {
+fn variance_includes_caustics() {
     let scene = caustic_of_a_ball();
     let options = options(32, 64, 4).caustics(Caustics::On).aovs(AovSet::from(Aov::Variance));
     let films = [1, 2].map(|seed| picture(&scene, &options.seed(seed)));
@@ -342,14 +341,14 @@ fn the_variance_has_that_of_caustics() {
     let square = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(a[0] - b[0]).powi(2) / 2.0;
     let real = a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64;
     println!("told {reported:.2e}, real {real:.2e}");
-    // Points are better spread than independent ones.
+    // Low-discrepancy points are better spread than independent ones.
     assert!(reported >= 0.7 * real && reported < 10.0 * real, "{reported} {real}");
 }
 
-/// Connections that several pixels share make their noise alike, which denoisers mistake for detail; for these each has one pixel, with
-/// the same means. (Light paths are spread evenly, so that the noise of neighbours is rather opposite.)
+/// Connections shared by several pixels correlate their noise, which denoisers mistake for detail; for denoising each connection
+/// belongs to one pixel, with the same mean. (Light paths are stratified, so neighbours are rather anticorrelated.)
 #[test]
-fn the_noise_of_caustics_is_not_shared_by_pixels_for_denoisers() {
+fn caustic_noise_is_uncorrelated_for_denoisers() {
     let scene = caustic_of_a_ball();
     let plain = options(64, 16, 4).filter(Filter::BlackmanHarris).caustics(Caustics::On);
     let for_denoisers = plain.halves(true);
@@ -366,9 +365,9 @@ fn the_noise_of_caustics_is_not_shared_by_pixels_for_denoisers() {
     assert_same_means("one pixel a connection", &scene, [&plain, &for_denoisers], 16);
 }
 
-/// Ranges of samples and regions make the picture of a single run.
+/// Sample ranges and crops merge to the picture of a single run.
 #[test]
-fn parts_have_their_share_of_caustics() {
+fn partial_renders_include_caustics() {
     let scene = stage(ball(dielectric(1.5)));
     let whole = plain(options(32, 24, 12)).caustics(Caustics::On).halves(true);
     let film = |options: RenderOptions| picture(&scene, &options);

@@ -1,4 +1,4 @@
-//! Light transport against answers that are known in closed form.
+//! Light transport against closed forms.
 
 use crate::support::{
     assert_radiance, camera, disk, grey_floor, material, measure, options, picture, quad, sphere, walls,
@@ -13,14 +13,14 @@ fn lambert(albedo: f32) -> Material {
     Material::lambert("grey", [albedo; 3])
 }
 
-/// A convex body of albedo a in a uniform environment of radiance 1 looks like a uniform a.
+/// Furnace test: a convex object of albedo a in a uniform environment of radiance 1 has radiance a.
 #[test]
 fn sphere_in_a_white_furnace() {
     for albedo in [0.5, 1.0] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let grey = material(&mut scene, lambert(albedo));
         sphere(&mut scene, [0.0; 3], 1.0, grey);
-        // Parallel rays over a square inside the sphere's outline: up to grazing ones.
+        // Parallel rays over a square inside the sphere's outline, including grazing ones.
         let mut view = camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1.0);
         view.projection = Projection::Orthographic { half_height: 0.7 };
         scene.cameras.push(view);
@@ -29,10 +29,10 @@ fn sphere_in_a_white_furnace() {
     }
 }
 
-/// A flat lamp that reflects as well sees nothing of itself: alone in the dark it looks as bright as it shines.
+/// A planar emitter that also reflects receives nothing from itself: alone, its radiance is its emission.
 #[test]
-fn a_lamp_does_not_light_itself() {
-    // One light, and two that are chosen between; turned askew, so that points of the plane are off by rounding.
+fn planar_emitter_does_not_light_itself() {
+    // One light, and two to select from; rotated, so that points are off the plane by rounding.
     for lights in [1, 2] {
         for v in [[-0.3, 0.96, 0.7], [0.2, 0.9, -0.5]] {
             let mut scene = Scene::default();
@@ -93,9 +93,9 @@ fn rectangle_light_on_a_plane() {
     }
 }
 
-/// A lamp that is there with a chance of a quarter gives a quarter of the light; one that is nowhere gives none.
+/// A light of alpha 0.25 gives a quarter of its light; one of alpha 0 gives none.
 #[test]
-fn lamps_that_are_partly_absent() {
+fn partially_transparent_lights() {
     let form_factor = |x: f64, y: f64| {
         let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
         (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / std::f64::consts::TAU
@@ -116,9 +116,9 @@ fn lamps_that_are_partly_absent() {
     }
 }
 
-/// The light of many lamps of all kinds, below, above and across the floor's plane, is the sum of their lights.
+/// The sum over many lights of all types, below, above and across the floor's plane.
 #[test]
-fn many_lights_of_all_kinds() {
+fn many_lights_of_all_types() {
     let mut scene = grey_floor();
     let lamp = material(&mut scene, Material::emitter("lamp", [2.0; 3], false));
     let dim = material(&mut scene, Material::emitter("dim", [0.05; 3], true));
@@ -131,7 +131,7 @@ fn many_lights_of_all_kinds() {
         let (which, radiance) = if i % 3 == 0 { (dim, 0.05) } else { (lamp, 2.0) };
         sphere(&mut scene, center.into(), radius, which);
         truth += 0.8 * radiance * radius * radius / center.length_squared() * center.y / center.length();
-        // Its twin below the floor lights nothing.
+        // Its copy below the floor lights nothing.
         sphere(&mut scene, [center.x, -center.y, center.z], radius, lamp);
     }
     let point = |position: DVec3| Light::new(LightKind::Point { position }, [0.3; 3]);
@@ -146,7 +146,7 @@ fn many_lights_of_all_kinds() {
     truth += 0.8 / std::f64::consts::PI * 0.2 / DVec3::new(0.3, -1.0, 0.2).length();
     scene.environment = Environment::Constant([0.1; 3]);
     truth += 0.8 * 0.1;
-    // Lamps hide a little of the environment behind them; each takes away what it would give at radiance 0.1.
+    // Lights occlude a little of the environment; each removes what a light of radiance 0.1 would give.
     let hidden: f64 = scene
         .shapes
         .iter()
@@ -156,8 +156,8 @@ fn many_lights_of_all_kinds() {
     assert_radiance("many lights", &scene, &options(16, 256, 1), truth - hidden, 4e-3);
 }
 
-/// The same light as a parallelogram of a skew kind has no table entry, but its two halves do: triangles by Lambert's
-/// formula (1760), E = L / 2 * sum of angle times cosine over the edges.
+/// The same irradiance for parallelograms, which have no table entry, by their two triangles: Lambert's formula (1760), E = L /
+/// 2 * sum of angle times cosine over the edges.
 #[test]
 fn triangle_and_parallelogram_lights_on_a_plane() {
     let polygon = |points: &[DVec3]| -> f64 {
@@ -223,9 +223,9 @@ fn disk_light_on_a_plane() {
     }
 }
 
-/// The back of a disk that emits light in front is dark, and its outline is a circle.
+/// A disk emits from its front only, and its outline is a circle.
 #[test]
-fn a_disk_is_round_and_has_a_front() {
+fn disk_light_is_one_sided_and_round() {
     for (normal, seen) in [(1.0, std::f64::consts::FRAC_PI_4 * 0.81), (-1.0, 0.0)] {
         let mut scene = Scene::default();
         let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
@@ -237,7 +237,7 @@ fn a_disk_is_round_and_has_a_front() {
     }
 }
 
-/// Lights without a surface: inverse squares and cosines, without noise.
+/// Point, spot and directional lights: inverse squares and cosines, without noise.
 #[test]
 fn punctual_lights_on_a_plane() {
     let albedo_over_pi = 0.8 / std::f64::consts::PI;
@@ -256,7 +256,7 @@ fn punctual_lights_on_a_plane() {
     }
 }
 
-/// A smooth dielectric plane shows of an emitter above it what the Fresnel equations say, also where it is the thinner side.
+/// A smooth dielectric interface reflects an emitter by the Fresnel equations, also from the denser side.
 #[test]
 fn fresnel_reflectance() {
     let white = ColorSlot::constant([1.0; 3]);
@@ -285,7 +285,8 @@ fn fresnel_reflectance() {
             let parallel = (ior * cosine - cos_t) / (ior * cosine + cos_t);
             let perpendicular = (cosine - ior * cos_t) / (cosine + ior * cos_t);
             let truth = if cos_t == 0.0 { 1.0 } else { 0.5 * (parallel.powi(2) + perpendicular.powi(2)) };
-            // Paths are spread so evenly that all pictures may have the same number of reflections: the truth's, rounded.
+            // Paths are so well stratified that all pictures may have the same number of reflections: the expected one,
+            // rounded.
             let (mean, error) = measure(&scene, &options(16, 256, 4));
             println!(
                 "index of refraction {ior} at {degrees} degrees: {mean:.6} +- {error:.6}, truth {truth:.6}"
@@ -296,7 +297,7 @@ fn fresnel_reflectance() {
     }
 }
 
-/// A black background is one: pixels are opaque where cameras see it, and transparent where there is none.
+/// A black background is opaque where the camera sees it, and transparent where there is none.
 #[test]
 fn black_backgrounds_are_opaque() {
     let black = Environment::Constant([0.0; 3]);

@@ -1,4 +1,4 @@
-//! What compiling makes of a scene: what is shared, merged and left out, and that the picture stays what it should be.
+//! Compilation of scenes: what is instanced, merged and culled, with unchanged pictures.
 
 use crate::support::{assert_radiance, camera, gltf_glass, material, mean, measure, options, picture, quad};
 use oscura::compile::{CompileOptions, CompileReport, compile};
@@ -35,7 +35,7 @@ pub fn place(scene: &mut Scene, mesh: u32, world_from_object: DAffine3) {
 }
 
 #[test]
-fn unplaced_meshes_are_left_out() {
+fn unreferenced_meshes_are_culled() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     scene.meshes.extend([square(1, grey), square(30, grey)]);
@@ -46,10 +46,10 @@ fn unplaced_meshes_are_left_out() {
     assert!(report.left_out.iter().any(|l| l.contains("1800")), "{:?}", report.left_out);
 }
 
-/// 2,400 instances of 1,800 emissive triangles are not copied, and only BSDF samples find them: a grey floor below two of them is lit
-/// as by the same two alone.
+/// 2,400 instances of 1,800 emissive triangles are not flattened into lights, and only BSDF samples find them: a grey floor
+/// below two of them is lit as by these two alone.
 #[test]
-fn emissive_meshes_with_too_many_instances_are_shared() {
+fn emissive_meshes_with_too_many_instances_stay_instanced() {
     let lit = |instances: usize| {
         let mut scene = Scene::default();
         let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
@@ -77,7 +77,7 @@ fn emissive_meshes_with_too_many_instances_are_shared() {
 }
 
 #[test]
-fn what_is_fully_transparent_is_left_out() {
+fn fully_transparent_surfaces_are_culled() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     let hidden = curtain(&mut scene, 0.0, AlphaMode::Mask { cutoff: 0.5 });
@@ -100,7 +100,7 @@ fn what_is_fully_transparent_is_left_out() {
 }
 
 #[test]
-fn dropped_primitives_are_not_counted_as_present() {
+fn culled_primitives_are_not_counted() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     let mut mesh = square(1, grey);
@@ -118,9 +118,9 @@ fn dropped_primitives_are_not_counted_as_present() {
     assert_eq!(report.notes[0].message, "1 primitive without area was dropped");
 }
 
-/// What rounding takes away is another matter than what has no area.
+/// Triangles that degenerate by rounding are distinguished from those without area.
 #[test]
-fn what_is_too_small_for_its_place_is_warned_of() {
+fn triangles_degenerate_by_rounding_are_reported() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     scene.meshes.push(square(1, grey));
@@ -130,7 +130,7 @@ fn what_is_too_small_for_its_place_is_warned_of() {
     assert_eq!((report.triangles, report.notes.len()), (0, 0));
     let message = &report.warnings[0].message;
     assert!(message.starts_with("2 "), "{message}");
-    // A pole whose corners were computed, and differ by the rounding of that.
+    // A pole whose vertices were computed, and differ by rounding.
     let mut pole = square(1, grey);
     pole.positions[1] = pole.positions[0];
     pole.positions[1][2] += 1e-16;
@@ -140,9 +140,9 @@ fn what_is_too_small_for_its_place_is_warned_of() {
     assert!(report.notes.len() == 1 && report.warnings.is_empty(), "{:?}", report.warnings);
 }
 
-/// An f32 matrix would take rays to object space with errors as uneven as the stretch.
+/// An f32 matrix would transform rays to object space with errors proportional to the anisotropy.
 #[test]
-fn unevenly_stretched_meshes_are_copied() {
+fn nonuniformly_scaled_meshes_are_flattened() {
     let triangles = |stretch: f64| {
         let mut scene = Scene::default();
         let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
@@ -158,7 +158,7 @@ fn unevenly_stretched_meshes_are_copied() {
 }
 
 #[test]
-fn nearly_flat_transforms_are_warned_of() {
+fn nearly_singular_transforms_are_reported() {
     let warnings = |height: f64| {
         let mut scene = Scene::default();
         let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
@@ -174,7 +174,7 @@ fn nearly_flat_transforms_are_warned_of() {
 }
 
 #[test]
-fn flat_transforms_are_left_out_with_a_warning() {
+fn singular_transforms_are_culled_with_a_warning() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     scene.meshes.push(square(1, grey));
@@ -186,7 +186,7 @@ fn flat_transforms_are_left_out_with_a_warning() {
 }
 
 #[test]
-fn two_triangles_become_one_light() {
+fn coplanar_triangles_merge_to_one_light() {
     let mut scene = Scene::default();
     let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
     scene.meshes.push(square(1, light));
@@ -197,10 +197,9 @@ fn two_triangles_become_one_light() {
     assert_eq!(report(&scene).lights, 2, "a trapezoid stays two triangles");
 }
 
-/// A large mesh used several times is shared, and looks as if each use were a mesh of its own; turned, stretched and
-/// mirrored.
+/// A large mesh used several times is instanced and looks as separate meshes would; rotated, scaled and mirrored.
 #[test]
-fn shared_meshes_look_like_copies() {
+fn instanced_meshes_match_copies() {
     let build = |shared: bool| {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let grey = material(&mut scene, Material::lambert("grey", [0.7; 3]));
@@ -228,9 +227,9 @@ fn shared_meshes_look_like_copies() {
     assert!(ea < 2e-3 * a && (a - b).abs() < 4.5 * ea.hypot(eb) + 1e-5, "{a} +- {ea} and {b} +- {eb}");
 }
 
-/// glTF 2.0, 3.7.4: a mirroring transform turns the winding, so that fronts stay fronts.
+/// glTF 2.0, 3.7.4: a mirroring transform flips the winding, so that front faces stay front faces.
 #[test]
-fn mirrored_emitters_shine_from_their_front() {
+fn mirrored_emitters_emit_from_the_front() {
     for (mirror, front) in [(DVec3::new(-1.0, 1.0, 1.0), true), (DVec3::new(1.0, 1.0, -1.0), false)] {
         let mut scene = Scene::default();
         let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
@@ -249,7 +248,7 @@ fn curtain(scene: &mut Scene, alpha: f32, mode: AlphaMode) -> MaterialId {
 }
 
 #[test]
-fn alpha_lets_light_through() {
+fn alpha_transmits_camera_rays() {
     for (alpha, mode, seen) in [
         (0.25, AlphaMode::Blend, 0.75 * 0.75),
         (0.4, AlphaMode::Mask { cutoff: 0.5 }, 1.0),
@@ -272,7 +271,7 @@ fn alpha_lets_light_through() {
 
 /// A curtain of alpha 0.5 in front of a light halves the irradiance.
 #[test]
-fn alpha_lets_shadow_rays_through() {
+fn alpha_transmits_shadow_rays() {
     let lit = |with_curtain: bool| {
         let mut scene = Scene::default();
         let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
@@ -291,9 +290,9 @@ fn alpha_lets_shadow_rays_through() {
     assert_radiance("half a curtain", &lit(true), &options(16, 64, 1), 0.5 * whole, 4e-3);
 }
 
-/// Beer's law through a slab without refraction: colour to the power of thickness over distance.
+/// Beer's law through a slab without refraction: color^(thickness / distance).
 #[test]
-fn volumes_absorb() {
+fn volumes_follow_beers_law() {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     let glass = Material::new(
         "tinted",
@@ -313,10 +312,9 @@ fn volumes_absorb() {
     assert_radiance("slab", &scene, &options(4, 4, 10), 0.5f64.powf(1.5), 1e-4);
 }
 
-/// Light through a slab of index 1 meets its colour at both surfaces, or once in all where the colour is the whole
-/// solid's.
+/// Light through a slab of index 1 is tinted at both interfaces, or once where the tint is that of the whole solid.
 #[test]
-fn colours_of_solids() {
+fn tint_of_solids() {
     for (tints_once, roughness, seen) in [(false, 0.0, 0.36), (true, 0.0, 0.6), (true, 0.3, 0.6)] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let pbr = PbrMaterial {
@@ -334,7 +332,7 @@ fn colours_of_solids() {
     }
 }
 
-/// From behind a one-sided surface isn't there: the sky of 1 is seen through it.
+/// Seen from behind, a one-sided surface is absent: the sky of radiance 1 is visible through it.
 #[test]
 fn one_sided_surfaces_are_absent_from_behind() {
     for (from_front, seen) in [(true, 0.5), (false, 1.0)] {

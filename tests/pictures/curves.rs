@@ -1,4 +1,4 @@
-//! Curves and hair against what is known of them in closed form.
+//! Curves and hair against closed forms.
 
 use crate::support::{assert_radiance, camera, material, options, picture, sphere};
 use oscura::film::{Aov, AovSet};
@@ -10,7 +10,7 @@ use oscura::scene::{
 };
 use std::f64::consts::PI;
 
-/// Strands of the same radius everywhere.
+/// Strands of constant radius.
 fn curves(scene: &mut Scene, basis: CurveBasis, strands: &[&[[f32; 3]]], radius: f32, material: MaterialId) {
     let points = strands.concat();
     scene.curves.push(Curves {
@@ -49,9 +49,9 @@ fn bright() -> Scene {
     Scene { environment: Environment::Constant([1.0; 3]), cameras: vec![flat_camera()], ..Scene::default() }
 }
 
-/// A black thread hides as much as its outline: a rectangle with round ends, however thin it is and in whatever pieces.
+/// A black strand occludes its outline: a rectangle with round ends, however thin it is and however it is segmented.
 #[test]
-fn threads_cover_their_outline() {
+fn strand_coverage_matches_outline() {
     for (radius, [x, y]) in [(0.004f32, [0.7f32, 0.0]), (0.02, [0.6, 0.5]), (0.1, [0.3, -0.6])] {
         for basis in [CurveBasis::Linear, CurveBasis::Bezier, CurveBasis::CatmullRom] {
             let mut scene = bright();
@@ -63,16 +63,16 @@ fn threads_cover_their_outline() {
             curves(&mut scene, basis, &[&strand], radius, black);
             let (r, length) = (f64::from(radius), 2.0 * f64::from(x).hypot(f64::from(y)));
             let covered = (2.0 * r * length + PI * r * r) / 4.0;
-            // The ends lean towards the camera and away from it, which the outline doesn't show.
+            // The ends tilt towards the camera and away from it, which the outline doesn't show.
             let what = format!("thread of {radius}, {}", basis.name());
             assert_radiance(&what, &scene, &options(64, 64, 2), 1.0 - covered, 2e-4);
         }
     }
 }
 
-/// Under a lamp at the camera a cylinder of albedo a is as bright as a / pi cos, a / 4 on average over its width.
+/// With a light at the camera, a diffuse cylinder of albedo a has radiance a / pi cos, a / 4 on average over its width.
 #[test]
-fn a_cylinder_is_shaded_as_one() {
+fn diffuse_strand_is_shaded_as_a_cylinder() {
     let mut scene = Scene { cameras: vec![flat_camera()], ..Scene::default() };
     let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
     curves(&mut scene, CurveBasis::Linear, &[&[[-3.0, 0.1, 0.0], [3.0, 0.1, 0.0]]], 0.4, grey);
@@ -80,9 +80,9 @@ fn a_cylinder_is_shaded_as_one() {
     assert_radiance("cylinder", &scene, &options(64, 64, 1), 0.8 * PI / 4.0 * 0.4, 1e-3);
 }
 
-/// Clear hair is unseen in even light, whatever its shape and roughness: also what is scattered from fibre to fibre.
+/// White furnace: hair without absorption is invisible, whatever its shape and roughness, including multiple scattering.
 #[test]
-fn clear_hair_is_unseen_in_even_light() {
+fn hair_in_a_white_furnace() {
     for (roughness, radial) in [(0.1, 0.2), (0.4, 0.4), (0.9, 0.8)] {
         let mut scene = bright();
         let clear = material(&mut scene, hair(1.0, roughness, radial));
@@ -99,10 +99,9 @@ fn clear_hair_is_unseen_in_even_light() {
     }
 }
 
-/// Hair of a colour is that colour deep within a lot of it, but for what its surface reflects: darker pigment is darker, and no
-/// hair is brighter than white.
+/// Dense hair converges to its target colour apart from surface reflection: more melanin is darker, and no hair exceeds white.
 #[test]
-fn more_pigment_is_darker() {
+fn hair_darkens_with_melanin() {
     let brightness = |color: f32| {
         let mut scene = bright();
         let fur = material(&mut scene, hair(color, 0.3, 0.3));
@@ -120,9 +119,9 @@ fn more_pigment_is_darker() {
     assert!(all.windows(2).all(|w| w[0] < w[1]) && all[4] < 1.003 && all[0] > 0.02, "{all:?}");
 }
 
-/// Texture coordinates run from root to tip, normals face the camera, and objects have their own numbers.
+/// Texture coordinates run from root to tip, normals face the camera, and objects have their own ids.
 #[test]
-fn outputs_show_curves() {
+fn aovs_of_curves() {
     let mut scene = bright();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     sphere(&mut scene, [0.0, -0.8, 0.0], 0.1, grey);
@@ -141,9 +140,9 @@ fn outputs_show_curves() {
     assert!(object[at(20)] != object[36 * 40 + 20], "{} {}", object[at(20)], object[36 * 40 + 20]);
 }
 
-/// The same pixels with any number of threads.
+/// The same pixels at any number of threads.
 #[test]
-fn threads_change_nothing() {
+fn curves_are_deterministic() {
     let mut scene = bright();
     let fur = material(&mut scene, hair(0.6, 0.3, 0.3));
     let strands: Vec<[[f32; 3]; 3]> = (0..50)

@@ -1,8 +1,8 @@
-//! The same pixels whatever the number of threads; other pixels from another seed.
+//! The same pixels at any number of threads; different pixels with another seed.
 
-use crate::nodes::dusty_room;
-use crate::panes::under_a_pane;
+use crate::glass_panes::under_a_pane;
 use crate::refracted_lights::scene_behind;
+use crate::shader_nodes::dusty_room;
 use crate::support::sheet::{self, Variant};
 use crate::support::{gltf_glass, material, options, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, Film, Values};
@@ -20,8 +20,8 @@ fn scene(name: &str) -> Scene {
     oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
 }
 
-/// Textures and normal maps, a picture as the environment, paper of little presence, and a body of dispersive coloured
-/// glass with a rough bubble and two lamps in it.
+/// Textures and normal maps, an image environment, paper of low alpha, and a solid of dispersive coloured glass that contains a
+/// rough bubble and two lights.
 fn everything() -> Scene {
     let interpolation = Interpolation::Trilinear;
     let (smooth, tangents) = (true, true);
@@ -54,7 +54,7 @@ fn everything() -> Scene {
     scene
 }
 
-/// Scenes that together use all loops over vertices.
+/// Scenes that together use all shading loops.
 fn scenes() -> [(&'static str, Scene); 6] {
     let named = |name| (name, scene(name));
     let behind = |what| (what, scene_behind(what, Material::lambert("grey", [0.5; 3]), false, true));
@@ -78,16 +78,16 @@ fn any_number_of_threads_gives_the_same_pixels() {
     }
 }
 
-/// Threads keep their memory from scene to scene: what one of them used must not be read in the next.
+/// Threads reuse their memory from scene to scene: stale state must not be read in the next.
 #[test]
-fn pictures_depend_on_no_scene_before() {
+fn pictures_do_not_depend_on_previous_scenes() {
     let files = ["cornell-quads.toml", "lamp-in-fog.toml", "smoke.toml", "window.toml", "wax.toml"];
     let of_files = files.map(|name| (name, scene(name)));
     let pane = under_a_pane(Material::lambert("grey", [0.5; 3]), DVec3::new(0.0, 0.2, 0.8), true);
     let water = scene_behind("level water", Material::lambert("grey", [0.5; 3]), false, true);
     let others = [("everything", everything()), ("pane", pane), ("water", water)];
     let scenes: Vec<(&str, Scene)> = of_files.into_iter().chain(others).collect();
-    // Light from surfaces that scatter once: many paths are left in the memory when the last bounce ends.
+    // Light from surfaces that scatter once: many paths are still active when the last bounce ends.
     let take = |scene: &Scene| bits(&picture(scene, &options(8, 32, 1)));
     let by_one_thread = |scene: &Scene| in_pool(Some(1), || take(scene)).expect("the thread starts");
     let alone: Vec<_> = scenes.iter().map(|(_, scene)| by_one_thread(scene)).collect();
@@ -120,7 +120,7 @@ fn every_cpu_level_gives_the_same_pixels() {
 }
 
 #[test]
-fn other_outputs_do_not_change_the_picture() {
+fn aovs_do_not_change_the_picture() {
     for (name, scene) in scenes() {
         let plain = picture(&scene, &options(40, 8, 100));
         let with = picture(&scene, &options(40, 8, 100).aovs(Aov::ALL.iter().copied().collect::<AovSet>()));
@@ -136,7 +136,7 @@ fn seeds_are_independent() {
     let with = |seed| picture(&scene, &options(48, 16, 100).seed(seed));
     let (a, b, c) = (with(1), with(2), with(3));
     let value = |film: &Film, i: u32| f64::from(film.mean_rgba(i % 48, i / 48)[1]);
-    // Differences of two pairs that share no picture are uncorrelated and have mean zero.
+    // Differences of two disjoint pairs of pictures are uncorrelated and have mean zero.
     let pairs = (0..48 * 48).map(|i| (value(&a, i) - value(&b, i), value(&c, i) - value(&b, i)));
     let pairs: Vec<(f64, f64)> = pairs.filter(|p| *p != (0.0, 0.0)).collect();
     let n = pairs.len() as f64;

@@ -1,4 +1,4 @@
-//! Guided paths: the same expected picture, less noise where light comes from few directions, and the same bits whatever the machine.
+//! Path guiding: the same expected value, less noise where light comes from few directions, and deterministic.
 
 use crate::support::differences::{assert_same_bits, bits, differences, noise};
 use crate::support::{
@@ -10,7 +10,7 @@ use oscura::render::{Guiding, PassOutcome, PathReuse, RenderOptions, Rendering, 
 use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, Scene};
 use std::path::Path;
 
-/// Nothing but guiding differs.
+/// Options that differ in guiding only.
 fn plain(options: RenderOptions) -> RenderOptions {
     options.path_reuse(PathReuse::Off).splitting(Splitting::OFF).guiding(Guiding::Off)
 }
@@ -19,7 +19,7 @@ fn guided(options: RenderOptions) -> RenderOptions {
     options.guiding(Guiding::On)
 }
 
-/// A room that gets its light through a slit, from a lamp behind a wall.
+/// A room lit through a slit by a light behind a wall.
 fn room(things: bool) -> Scene {
     let mut scene = Scene::default();
     let colors = [[0.8, 0.5, 0.4], [0.7; 3], [0.6, 0.6, 0.7], [0.8; 3], [0.4, 0.6, 0.7], [0.75; 3]];
@@ -63,21 +63,21 @@ fn cornell() -> Scene {
     oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
 }
 
-/// As `assert_same_means`, for pictures with more noise.
+/// As `assert_same_means`, for noisier pictures.
 fn assert_alike(what: &str, scene: &Scene, options: &RenderOptions) {
     let found = differences(scene, [options, &guided(*options)], 16);
     let z: Vec<f64> = found.blocks.iter().map(|(d, error)| d / error.max(1e-9)).collect();
     let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
     let (mean, error) = found.whole;
     println!("{what}: z rms {rms:.2}; whole {mean:.1e} +- {error:.1e}");
-    // The three channels of some 25 blocks are nearly the same.
+    // The three channels of some 25 blocks are strongly correlated.
     assert!(rms < 1.6, "{what}: z rms {rms}");
     assert!(mean.abs() < 4.5 * error && error < 5e-3, "{what}: {mean} +- {error}");
 }
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn guiding_changes_no_mean() {
+fn guiding_keeps_the_mean() {
     for (what, scene, samples) in [
         ("room", room(false), 64),
         ("things", room(true), 64),
@@ -95,7 +95,7 @@ fn guiding_changes_no_mean() {
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn guided_paths_that_split_or_are_shared_have_the_same_mean() {
+fn guiding_with_splitting_or_path_sharing_keeps_the_mean() {
     for (what, scene) in [("room", room(false)), ("gloss", glossy_room())] {
         let options = plain(options(40, 64, 100));
         assert_alike(&format!("{what}, split"), &scene, &options.splitting(Splitting::Into(4)));
@@ -109,10 +109,10 @@ fn guided_paths_that_split_or_are_shared_have_the_same_mean() {
     }
 }
 
-/// In a closed box that emits e and reflects p everywhere, L = e + p L, however dense directions are.
+/// In a closed box of emission e and albedo p, L = e + p L, whatever the guiding distribution.
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn a_closed_box_has_its_closed_form() {
+fn closed_emitting_box() {
     let (emitted, albedo) = (0.3f32, 0.6f32);
     let mut scene = Scene::default();
     walls(&mut scene, [1.0; 3], |scene, _| {
@@ -127,7 +127,7 @@ fn a_closed_box_has_its_closed_form() {
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn a_room_lit_through_a_slit_is_less_noisy() {
+fn guiding_reduces_noise() {
     let options = plain(options(96, 64, 100));
     for (what, scene, most) in [("room", room(false), 0.4), ("gloss", glossy_room(), 0.5)] {
         let [off, on] = [options, guided(options)].map(|options| noise(&scene, &options));
@@ -137,7 +137,7 @@ fn a_room_lit_through_a_slit_is_less_noisy() {
 }
 
 #[test]
-fn threads_and_cpu_levels_agree() {
+fn guiding_is_deterministic() {
     for (reuse, scene) in [("off", room(true)), ("4x4/2", room(false)), ("off", glossy_room())] {
         let options =
             options(40, 64, 100).splitting(Splitting::OFF).path_reuse(reuse.parse().expect("a way"));
@@ -145,9 +145,9 @@ fn threads_and_cpu_levels_agree() {
     }
 }
 
-/// Paths find out by themselves: a room that gets its light through a slit is guided, a room with a lamp in it is not.
+/// Guiding is enabled automatically: for a room lit through a slit, and not for a directly lit one.
 #[test]
-fn guiding_is_chosen_where_indirect_light_is_noisy() {
+fn guiding_is_enabled_for_noisy_indirect_light() {
     let options = options(96, 64, 100).guiding(Guiding::Auto);
     for (what, scene, is_guided) in
         [("slit", room(false), true), ("gloss", glossy_room(), true), ("box", cornell(), false)]
@@ -162,7 +162,7 @@ fn guiding_is_chosen_where_indirect_light_is_noisy() {
 }
 
 #[test]
-fn the_choice_to_guide_depends_on_neither_threads_nor_cpu_levels_nor_parts() {
+fn automatic_guiding_is_deterministic() {
     let (scene, options) = (room(false), plain(options(72, 64, 8)).guiding(Guiding::Auto));
     assert_same_bits("chosen", &scene, &options);
     let whole = rendering(&scene, &options);
@@ -183,7 +183,7 @@ fn finished(scene: &Scene, options: &RenderOptions) -> Rendering {
 }
 
 #[test]
-fn parts_are_guided_as_the_whole_is() {
+fn partial_renders_match_the_full_guided_render() {
     let folder = tempfile::tempdir().expect("a folder");
     let (scene, options) = (room(false), guided(plain(options(48, 64, 100))));
     let whole = bits(&picture(&scene, &options));
@@ -203,14 +203,14 @@ fn parts_are_guided_as_the_whole_is() {
 }
 
 #[test]
-fn going_on_gives_the_picture_of_a_single_run() {
+fn resuming_matches_a_single_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("a.part");
     let (scene, options) = (room(false), guided(plain(options(32, 32, 100))));
     let mut first = rendering(&scene, &options).with_whole_passes();
     first.next_pass();
     first.write_part(&file, &Identity::new(), &OutputSettings::default(), None).expect("a file");
-    // To as many samples, and to more that are arranged alike.
+    // Resume to the same number of samples, and to more of the same sequence.
     for samples in [32, 30] {
         let options = options.samples(samples);
         let mut second = rendering(&scene, &options).with_whole_passes();
@@ -221,7 +221,7 @@ fn going_on_gives_the_picture_of_a_single_run() {
 }
 
 #[test]
-fn what_can_not_be_guided_says_so() {
+fn unsupported_guiding_is_reported() {
     let messages = |scene: &Scene, options: RenderOptions| {
         let rendering = finished(scene, &guided(plain(options)));
         assert_eq!(rendering.statistics().guide_cells, None);

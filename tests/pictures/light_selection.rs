@@ -1,4 +1,4 @@
-//! Learned light selection: the same expected picture, less noise where lights are occluded, and the same bits whatever the machine.
+//! Learned light selection: the same expected value, less noise where lights are occluded, and deterministic.
 
 use crate::support::differences::{assert_same_bits, differences, noise};
 use crate::support::{camera, material, options, quad, rendering, sphere};
@@ -6,12 +6,13 @@ use oscura::math::DVec3;
 use oscura::render::{Guiding, LightSelection, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{Environment, Light, LightKind, Material, Scene};
 
-/// Nothing but light selection differs.
+/// Options that differ in light selection only.
 fn plain(options: RenderOptions) -> RenderOptions {
     options.path_reuse(PathReuse::Off).splitting(Splitting::OFF).guiding(Guiding::Off)
 }
 
-/// Rooms of 4 x 4 x 3 metres in a square, each with a lamp; the camera is in the second of the second row. `is_open`: without walls.
+/// A grid of rooms of 4 x 4 x 3 metres, each with a light; the camera is in the second of the second row. `is_open`: without
+/// walls.
 fn rooms(count: u32, of_points: bool, is_open: bool) -> Scene {
     const SIZE: f64 = 4.0;
     let mut scene = Scene::default();
@@ -41,7 +42,7 @@ fn rooms(count: u32, of_points: bool, is_open: bool) -> Scene {
     scene
 }
 
-/// Rooms under a sky that lights none of them.
+/// Rooms under an occluded sky.
 fn rooms_under_a_sky() -> Scene {
     Scene { environment: Environment::Constant([3.0; 3]), ..rooms(3, false, false) }
 }
@@ -64,7 +65,7 @@ fn selection_is_learned_where_lights_are_occluded() {
 }
 
 #[test]
-fn rooms_are_less_noisy_and_have_the_same_mean() {
+fn learned_selection_reduces_noise_and_keeps_the_mean() {
     for (what, scene, most) in [
         ("lamps", rooms(4, false, false), 0.4),
         ("points", rooms(4, true, false), 0.8),
@@ -84,14 +85,14 @@ fn rooms_are_less_noisy_and_have_the_same_mean() {
 }
 
 #[test]
-fn threads_and_cpu_levels_agree() {
+fn learned_selection_is_deterministic() {
     let options = plain(options(40, 16, 8)).light_selection(LightSelection::Learned);
     assert_same_bits("lamps", &rooms(3, false, false), &options);
     assert_same_bits("sky", &rooms_under_a_sky(), &options);
 }
 
 #[test]
-fn what_can_not_be_learned_says_so() {
+fn unsupported_learned_selection_is_reported() {
     let messages = |scene: &Scene, options: RenderOptions| {
         let mut rendering = rendering(scene, &options.light_selection(LightSelection::Learned));
         rendering.run();

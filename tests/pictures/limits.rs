@@ -1,4 +1,4 @@
-//! Limits of paths: bounces by kind, and clamped light.
+//! Path limits: bounces per type, and clamping.
 
 use crate::support::differences::{assert_same_bits, bits};
 use crate::support::{
@@ -17,12 +17,12 @@ use std::f64::consts::PI;
 
 const FREE: BounceLimits = BounceLimits::NONE;
 
-/// Without techniques that are not used with limits.
+/// Without techniques that limits disable.
 fn plain(size: u32, samples: u32) -> RenderOptions {
     options(size, samples, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF).guiding(Guiding::Off)
 }
 
-/// A room whose walls emit 1 and reflect a half.
+/// A room whose walls have emission 1 and albedo 0.5.
 fn glowing_room() -> Scene {
     let mut scene = Scene::default();
     let emission = Emission { radiance: ColorSlot::constant([1.0; 3]), two_sided: false };
@@ -33,9 +33,9 @@ fn glowing_room() -> Scene {
     scene
 }
 
-/// The radiance of each bounce of an enclosure is half that of the one before.
+/// Each bounce in an enclosure has half the radiance of the one before.
 #[test]
-fn diffuse_bounces_end_where_they_are_limited() {
+fn diffuse_bounce_limit() {
     let scene = glowing_room();
     for diffuse in [1, 2, 4] {
         let truth = 2.0 - 0.5f64.powi(diffuse as i32);
@@ -49,10 +49,10 @@ fn diffuse_bounces_end_where_they_are_limited() {
     }
 }
 
-/// A white ball of radius 1 in a white furnace that light enters and leaves by Lambert's law: with one event as the limit what crosses a chord
-/// 2 cos without scattering is left, the integral of 2 cos exp(-2 s cos) over the cosine; with many all of it.
+/// A white translucent sphere of radius 1 in a white furnace, with Lambertian entry and exit: limited to one event, the
+/// unscattered part of a chord 2 cos is left, the integral of 2 cos exp(-2 s cos) over the cosine; with many events all light.
 #[test]
-fn scattering_beneath_surfaces_is_limited_by_its_number() {
+fn subsurface_bounce_limit() {
     for (extinction, subsurface) in [(0.5f64, 1), (2.0, 1), (2.0, 10_000)] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let medium = Medium { albedo: [1.0; 3], ..Medium::scattering([extinction as f32; 3]) };
@@ -66,9 +66,9 @@ fn scattering_beneath_surfaces_is_limited_by_its_number() {
     }
 }
 
-/// Sheets of alpha 0.5: camera rays pass as many as the limit says and end at the next surface; shadow rays pass one less.
+/// Sheets of alpha 0.5: camera rays pass up to the limit and end at the next surface; shadow rays pass one less.
 #[test]
-fn transparent_surfaces_are_limited_by_their_number() {
+fn transparent_bounce_limit() {
     let stack = |scene: &mut Scene, sheets: u32| {
         let (alpha_mode, alpha) = (AlphaMode::Blend, FloatSlot::constant(0.5));
         let sheet = material(scene, Material { alpha_mode, alpha, ..Material::lambert("sheet", [0.0; 3]) });
@@ -94,9 +94,9 @@ fn transparent_surfaces_are_limited_by_their_number() {
     }
 }
 
-/// Two mirrors at right angles show a uniform sky after two reflections, two solids after four refractions.
+/// Two perpendicular mirrors show a uniform sky after two reflections, two solids after four refractions.
 #[test]
-fn mirrors_and_glass_are_limited_by_their_own_bounces() {
+fn glossy_and_transmission_bounce_limits() {
     let sky = || Scene { environment: Environment::Constant([4.0, 1.0, 1.0]), ..Scene::default() };
     let mut corner = sky();
     let mirror = material(&mut corner, pbr("mirror", [1.0; 3], 1.0, 0.0));
@@ -118,7 +118,7 @@ fn mirrors_and_glass_are_limited_by_their_own_bounces() {
         let found = seen(&balls, BounceLimits { transmission: limit, ..FREE });
         assert!((found - truth).abs() < 1e-4, "{limit} refractions: {found}");
     }
-    // Clamps: the sum of the channels, 6, becomes three times the limit; two reflections are indirect light.
+    // Clamping: the sum of the channels, 6, becomes three times the limit; two reflections count as indirect light.
     let clamped =
         |scene: &Scene, direct, indirect| mean(&picture(scene, &few.clamp(Clamp { direct, indirect })));
     for (direct, indirect, truth) in [(1.0, 9.0, 1.0), (9.0, 1.0, 0.5), (9.0, 2.0, 1.0)] {
@@ -132,9 +132,9 @@ fn mirrors_and_glass_are_limited_by_their_own_bounces() {
     }
 }
 
-/// Where all scatter in fog, its limit is that of all bounces.
+/// In dense fog the volume limit equals the total limit.
 #[test]
-fn fog_scatters_as_often_as_it_may() {
+fn volume_bounce_limit() {
     let mut scene = Scene::default();
     let (extinction, albedo) = ([0.4; 3], [0.9; 3]);
     let medium = Medium { albedo, anisotropy: 0.3, ..Medium::scattering(extinction) };
@@ -149,7 +149,7 @@ fn fog_scatters_as_often_as_it_may() {
     }
 }
 
-/// A room of all kinds of surfaces, with a small lamp.
+/// A room with all types of surfaces and a small light.
 fn mixed_room() -> Scene {
     let mut scene = Scene::default();
     let surfaces = [
@@ -167,9 +167,9 @@ fn mixed_room() -> Scene {
     scene
 }
 
-/// Limits hold whatever technique finds the light, and pictures have the same bits everywhere.
+/// Limits hold for all techniques, deterministically.
 #[test]
-fn techniques_keep_to_limits() {
+fn limits_hold_for_all_techniques() {
     let scene = mixed_room();
     let bounces = BounceLimits { diffuse: 2, glossy: 2, ..FREE };
     let limited = plain(32, 64).bounces(bounces);
@@ -185,14 +185,14 @@ fn techniques_keep_to_limits() {
     }
     let clamp = Clamp { direct: 10.0, indirect: 0.5 };
     assert_same_bits("limits", &scene, &options(16, 8, 100).bounces(bounces).clamp(clamp));
-    // Clamps only take light away.
+    // Clamping only removes light.
     let [less, more] = [limited.clamp(clamp), limited].map(|o| mean(&picture(&scene, &o)));
     assert!(less < more, "{less} of {more}");
 }
 
-/// After a diffuse bounce, a strong filter makes all facets as rough as a GGX alpha of a half.
+/// After a diffuse bounce, strong glossy filtering roughens all facets to a GGX alpha of 0.5.
 #[test]
-fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
+fn glossy_filter_roughens_after_diffuse_bounces() {
     let room = |wall: Material| {
         let mut scene = grey_floor();
         let wall = material(&mut scene, wall);
@@ -200,7 +200,7 @@ fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
         scene.lights.push(Light::point([-2.0, 3.0, 0.5], [50.0; 3]));
         scene
     };
-    // With clearcoat, so that it has all layers.
+    // With a clearcoat, so that all lobes are present.
     let coated = |roughness: f32| {
         let mut metal = PbrMaterial {
             base_color: ColorSlot::constant([0.9; 3]),
@@ -231,7 +231,8 @@ fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
         println!("{what}: {found}, {truth} where it is rough, {other} where smooth, +- {error}");
         assert!((found - truth).abs() < 4.5 * error, "{what}: {found} for {truth} +- {error}");
     }
-    // Weights of vectorised closures are those of the smooth material, as in Cycles: light that single scattering loses is not given back.
+    // Weights of vectorised closures are those of the smooth material, as in Cycles: energy lost by single scattering is not
+    // compensated.
     let metal = |roughness: f32| {
         let mut scene = room(pbr("metal", [0.9; 3], 1.0, roughness));
         scene.settings.energy_compensation = Some(EnergyCompensation::Off);
@@ -246,9 +247,9 @@ fn the_glossy_filter_roughens_what_diffuse_light_comes_from() {
     assert!((filtered - rough).abs() < 0.03 * (smooth - rough).abs(), "{filtered} for {rough}, not {smooth}");
 }
 
-/// Smooth glass is roughened as well: it lets light samples of a lamp behind it pass.
+/// Smooth glass is roughened as well: next-event estimation of a light behind it succeeds.
 #[test]
-fn the_glossy_filter_roughens_smooth_glass() {
+fn glossy_filter_roughens_smooth_glass() {
     let room = |model: Model| {
         let mut scene = grey_floor();
         scene.settings.energy_compensation = Some(EnergyCompensation::Off);
@@ -266,7 +267,7 @@ fn the_glossy_filter_roughens_smooth_glass() {
         let picture = Renderer::new(room(model)).size(8, 8).samples(4096).filter_glossy(strength);
         mean(&picture.caustics(Caustics::Off).render().expect("it renders").into_film())
     };
-    // Filtered, all paths are those through rough glass.
+    // Filtered, all paths go through rough glass.
     let rough = by(glass(0.5f32.sqrt()), 0.0);
     let dielectric = Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact };
     for smooth in [glass(0.0), dielectric] {
@@ -277,9 +278,9 @@ fn the_glossy_filter_roughens_smooth_glass() {
     }
 }
 
-/// What diffuse light comes from has no glossy lobes, or no transmission, where caustics are left out.
+/// With caustics off, surfaces hit by diffuse rays have no glossy lobes, or no transmission.
 #[test]
-fn skipped_caustics_are_those_that_diffuse_rays_find() {
+fn disabled_caustics_affect_diffuse_rays_only() {
     let room = |wall: Material| {
         let mut scene = grey_floor();
         scene.environment = Environment::Constant([0.5; 3]);

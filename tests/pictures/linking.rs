@@ -1,4 +1,4 @@
-//! Light linking and shadow linking: lights that light some objects only, or in whose light some objects only cast shadows.
+//! Light linking and shadow linking: lights restricted to receivers, and shadows restricted to blockers.
 
 use crate::support::{assert_radiance, camera, material, mean, options, pbr, picture, quad, sphere};
 use oscura::math::DVec3;
@@ -40,7 +40,7 @@ fn floor(of: Material) -> Scene {
     scene
 }
 
-/// Adds a ball that emits light.
+/// Adds an emissive sphere.
 fn add_lamp(scene: &mut Scene, name: &str, center: [f64; 3], radiance: f32, links: LightLinks) {
     let lamp = material(scene, Material::emitter(name, [radiance; 3], false));
     sphere(scene, center, 0.5, lamp);
@@ -58,11 +58,11 @@ fn of(scene: &Scene) -> f64 {
     mean(&picture(scene, &options))
 }
 
-/// All that lights the floor: two balls, a point, a sun and a sky, each linked or left out.
+/// All lights of the floor: two spheres, a point, a sun and a sky, each linked or removed.
 fn lit_by(of_floor: Material, present: [bool; 5], links: Option<[LightLinks; 4]>) -> Scene {
     let mut scene = floor(of_floor);
     let links = links.unwrap_or([LightLinks::ALL; 4]);
-    // Those that don't shine are still in the way of the sky.
+    // Lights that are removed still occlude the sky.
     add_lamp(&mut scene, "a", [1.5, 1.0, 1.0], if present[0] { 2.0 } else { 0.0 }, links[0]);
     add_lamp(&mut scene, "b", [0.5, 2.0, -1.0], if present[1] { 3.0 } else { 0.0 }, links[1]);
     if present[2] {
@@ -77,10 +77,10 @@ fn lit_by(of_floor: Material, present: [bool; 5], links: Option<[LightLinks; 4]>
     scene
 }
 
-/// A light that is linked to others is as one that is not there, for light samples and for what rays find, in rough surfaces
-/// and in mirrors.
+/// A light linked to other objects acts as an absent one, for next-event estimation and BSDF sampling, in rough surfaces and
+/// mirrors.
 #[test]
-fn what_is_not_linked_is_not_lit() {
+fn unlinked_lights_do_not_contribute() {
     let other = receivers(Link::Only(set(1)));
     let own = receivers(Link::Only(set(0)));
     let but = receivers(Link::AllBut(set(0)));
@@ -112,9 +112,9 @@ fn what_is_not_linked_is_not_lit() {
     }
 }
 
-/// Without a sky, an object that no light is linked to is black.
+/// Without a sky, an object without linked lights is black.
 #[test]
-fn an_object_may_have_no_light() {
+fn object_without_linked_lights_is_black() {
     let none = receivers(Link::Only(set(1)));
     let dark = lit_by(plastic(0.5), [true, true, true, true, false], Some([none; 4]));
     assert_eq!(of(&dark), 0.0);
@@ -122,16 +122,15 @@ fn an_object_may_have_no_light() {
     assert_eq!(of(&one), 0.0, "a single light");
 }
 
-/// What lights an object is what it is linked to, also after the light came from another object: a wall that a lamp is linked to
-/// lights the floor that it is not linked to.
+/// Linking applies to the last surface before the light only: a wall lit by a light reflects onto a floor not linked to it.
 #[test]
-fn what_is_lit_lights_all() {
+fn linking_ignores_indirect_light() {
     let room = |links: Option<LightLinks>| {
         let mut scene = floor(Material::lambert("clay", [0.8; 3]));
         let white = material(&mut scene, Material::lambert("white", [0.8; 3]));
         quad(&mut scene, [2.0, 0.0, -20.0], [0.0, 9.0, 0.0], [0.0, 0.0, 40.0], white);
         scene.quads[1].traits = member_of(1);
-        // It shines at the wall only.
+        // It emits towards the wall only.
         let position = DVec3::new(0.5, 2.0, 0.0);
         let links = links.unwrap_or_default();
         let spot = Light::spot(position, DVec3::X, [0.6, 0.7], [5.0; 3]);
@@ -145,17 +144,17 @@ fn what_is_lit_lights_all() {
     assert_eq!(of(Some(receivers(Link::Only(set(0))))), 0.0);
 }
 
-/// The camera sees a lamp that lights nothing.
+/// The camera sees a light linked to nothing.
 #[test]
-fn cameras_see_lamps_in_any_case() {
+fn cameras_see_unlinked_lights() {
     let mut scene = floor(plastic(0.5));
     add_lamp(&mut scene, "lamp", [0.0; 3], 2.0, receivers(Link::Only(set(1))));
     assert_radiance("the lamp itself", &scene, &options(16, 16, 4), 2.0, 1e-6);
 }
 
-/// A light whose blockers are others shines through what is in the way; surfaces that reflect by facets get the same of it.
+/// A light passes objects that are not among its blockers; microfacet surfaces get the same light from it.
 #[test]
-fn what_blocks_nothing_is_passed() {
+fn unlinked_blockers_cast_no_shadow() {
     for roughness in [0.05, 0.3, 0.8] {
         let lit = |sheet: Option<usize>, links: LightLinks, kind: usize| {
             let mut scene = floor(plastic(roughness));
@@ -191,10 +190,10 @@ fn what_blocks_nothing_is_passed() {
     }
 }
 
-/// A medium dims light on its way to a surface, but not that of a light in which nothing casts shadows: Beer-Lambert over the distances to the
-/// light and to the camera.
+/// A medium attenuates light on its way to a surface, except from a light without shadows: Beer-Lambert over the distances to
+/// the light and to the camera.
 #[test]
-fn media_do_not_dim_lights_without_shadows() {
+fn shadowless_lights_are_not_attenuated_by_media() {
     let density = 0.2;
     let lit = |links: LightLinks, medium: Option<(Medium, bool)>| {
         let mut scene = floor(Material::lambert("white", [0.8; 3]));
@@ -219,16 +218,16 @@ fn media_do_not_dim_lights_without_shadows() {
         {
             let (found, expected) = (lit(links, Some((medium, is_fog))), free * to_camera * to_light);
             let what = format!("albedo {albedo}, fog {is_fog}, {links:?}");
-            // Media that scatter are sampled by distance.
+            // Scattering media are sampled by distance.
             let tolerance = if albedo == 0.0 { 1e-3 } else { 2e-2 };
             assert!((found - expected).abs() < tolerance * expected, "{what}: {found}, not {expected}");
         }
     }
 }
 
-/// Memory that was used for a scene of many classes of objects is used again for others: paths from the camera have none.
+/// Memory reused after a scene with many receiver classes: camera paths have none.
 #[test]
-fn what_was_rendered_before_does_not_matter() {
+fn linking_state_is_reset_between_scenes() {
     let sky = |scene: &mut Scene, links: LightLinks| {
         scene.environment = Environment::Constant([0.5; 3]);
         scene.cameras[0] = camera(DVec3::new(0.0, 1.0, 3.0), DVec3::new(0.0, 1.0, 0.0), DVec3::Y, 60.0);

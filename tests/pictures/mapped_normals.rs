@@ -1,13 +1,13 @@
-//! Normals of graphs that lean away from the viewer, point into the surface, or stand on few triangles.
+//! Normal inputs of node graphs that tilt away from the viewer, point into the surface, or vary over coarse triangles.
 
+use crate::shadow_terminator::ball;
 use crate::support::{floor, mean, measure, options, picture};
-use crate::terminator::ball;
 use oscura::film::Film;
 use oscura::scene::nodes::{Node, NodeGraph, NodeInput, NodeKind, VectorOperation};
 use oscura::scene::{Clearcoat, ColorSlot, FloatSlot, Light, Material, Model, PbrMaterial, Scene, Texture};
 use std::sync::Arc;
 
-/// A floor that is shaded with one normal. The viewer is at (-3, 1, -2).
+/// A floor with a constant shading normal. The viewer is at (-3, 1, -2).
 fn shaded(material: Material, normal: [f32; 3]) -> Scene {
     let mut scene = floor(material);
     let none = NodeInput::Value([0.0; 3]);
@@ -34,9 +34,9 @@ fn faint(change: impl Fn(&mut PbrMaterial)) -> Material {
     Material::new("faint", Model::Pbr(Box::new(pbr)))
 }
 
-/// A layer that reflects next to nothing doesn't turn the diffuse base beneath it towards the viewer.
+/// A layer of negligible reflectance doesn't bend the normal of the diffuse base towards the viewer.
 #[test]
-fn diffuse_bases_keep_the_normals_that_maps_give() {
+fn diffuse_base_keeps_its_mapped_normal() {
     let few = options(4, 2048, 1);
     let coat = || {
         let (factor, roughness) = (FloatSlot::constant(1e-4), FloatSlot::constant(1.0));
@@ -62,9 +62,9 @@ fn diffuse_bases_keep_the_normals_that_maps_give() {
     }
 }
 
-/// As in Cycles, a normal that points into the surface leaves its diffuse reflection without light; of any length, normals mean the same.
+/// As in Cycles, a normal that points into the surface makes diffuse reflection black; normals need not be normalised.
 #[test]
-fn normals_that_point_inwards_are_dark_and_lengths_mean_nothing() {
+fn inward_normals_are_black_and_lengths_are_ignored() {
     let few = options(4, 256, 1);
     let seen = |normal| mean(&picture(&shaded(Material::lambert("matt", [0.6; 3]), normal), &few));
     assert_eq!(seen([1.0, -0.1, 0.0]), 0.0);
@@ -76,7 +76,7 @@ fn normals_that_point_inwards_are_dark_and_lengths_mean_nothing() {
     assert!((seen([0.0, 1.0, 0.0]) / unit - 1.0).abs() > 0.05, "{unit}");
 }
 
-/// A ball of few triangles, each vertex with its smooth normal, shaded with normals that lean off the smooth ones.
+/// A coarse sphere with smooth vertex normals, shaded with normals tilted off the smooth ones.
 fn leaning_ball(rings: u32) -> Scene {
     let mut scene = ball(rings, 2 * rings);
     let none = NodeInput::Value([0.0; 3]);
@@ -94,9 +94,9 @@ fn leaning_ball(rings: u32) -> Scene {
     scene
 }
 
-/// Relief is that of the smooth surface: light on it doesn't show where the triangles are.
+/// Bumps are relative to the smooth normal: the triangles don't show.
 #[test]
-fn mapped_normals_of_few_triangles_are_lit_as_those_of_many() {
+fn mapped_normals_hide_tessellation() {
     let few = options(24, 64, 1);
     let shown = |rings: u32| {
         let mut scene = leaning_ball(rings);

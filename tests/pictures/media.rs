@@ -1,4 +1,4 @@
-//! Media that scatter, absorb and shine, against closed forms and quadrature.
+//! Media that scatter, absorb and emit, against closed forms and quadrature.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits};
 use crate::support::{
@@ -22,7 +22,7 @@ fn fog(medium: Medium, radius: f64) -> Option<Fog> {
     Some(Fog { medium, center: DVec3::ZERO, radius })
 }
 
-/// A body without a surface.
+/// A solid with an index-matched (null) interface.
 fn body(scene: &mut Scene, medium: Medium) -> MaterialId {
     let filled = Material { medium: Some(medium), ..Material::new("body", Model::Boundary {}) };
     material(scene, filled)
@@ -50,9 +50,9 @@ fn henyey_greenstein(g: f64, cosine: f64) -> f64 {
     (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cosine).powf(1.5))
 }
 
-/// Light falls off as Beer and Lambert say: in fog, in a body, and in fog that a clear body displaces.
+/// Transmittance follows Beer-Lambert: in fog, in a solid, and in fog displaced by a clear solid.
 #[test]
-fn media_that_absorb_follow_beers_law() {
+fn absorbing_media_follow_beers_law() {
     let absorbing = medium(0.7, 0.0, 0.0);
     let mut foggy = lit_all_around();
     foggy.fog = fog(absorbing, 2.0);
@@ -69,9 +69,9 @@ fn media_that_absorb_follow_beers_law() {
     }
 }
 
-/// What absorbs and shines: the emission per metre over the extinction, as far as it is thick. Also where it scatters.
+/// Absorption and emission: saturates at the emission over the extinction. Also with scattering.
 #[test]
-fn media_that_shine_fill_up() {
+fn emissive_media_saturate() {
     for (extinction, albedo) in [(0.8, 0.0), (0.0, 0.0)] {
         let mut scene = Scene::default();
         let emissive = Medium { emission: [0.4; 3], ..medium(extinction, albedo, 0.0) };
@@ -81,7 +81,7 @@ fn media_that_shine_fill_up() {
         let truth = integral(0.0, 3.0, 4000, |t| 0.4 * (-f64::from(extinction) * t).exp());
         assert_radiance(&format!("emissive {extinction}"), &scene, &options(8, 64, 8), truth, 3e-3);
     }
-    // In equilibrium: fog without an end is everywhere as bright as it is thick.
+    // In equilibrium: unbounded fog has its saturated radiance everywhere.
     let mut scene = Scene::default();
     let emissive = Medium { emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
     scene.fog = fog(emissive, NO_END);
@@ -89,8 +89,8 @@ fn media_that_shine_fill_up() {
     assert_radiance("emissive fog", &scene, &options(16, 64, 200), 0.4 / (0.8 * 0.5), 5e-3);
 }
 
-/// Grids of one value are homogeneous: what they let through, what they scatter of a lamp once, and in a white furnace; also
-/// where values differ.
+/// Constant grids match homogeneous media: transmittance, single scattering, and a white furnace; the furnace also with varying
+/// grids.
 #[test]
 fn grids_agree_with_homogeneous_media() {
     let with_grid = |scene: &mut Scene, value: &dyn Fn(usize) -> f32, albedo: f32| {
@@ -124,18 +124,18 @@ fn grids_agree_with_homogeneous_media() {
     assert_radiance("grid, furnace", &furnace, &options(16, 16, 3000), 1.0, 5e-3);
 }
 
-/// Grids shine as far as they are dense: e / sigma (1 - exp(-sigma m)) through m metres of density 1, whatever their profile, and
-/// e m where they hide nothing. What scatters as well is brighter.
+/// Emission scales with density: e / sigma (1 - exp(-sigma m)) for an optical length m, whatever the profile, and e m without
+/// extinction. With scattering it is brighter.
 #[test]
-fn grids_shine() {
+fn emissive_grids() {
     for (extinction, what) in [(0.0, "pure"), (0.7, "thin"), (40.0, "thick")] {
         let mut scene = Scene::default();
         let size = [3, 2, 40];
-        // A ramp along the view, and a gap.
+        // A ramp along the ray, and a gap.
         let value = |i: usize| if (20..25).contains(&(i / 6)) { 0.0 } else { (i / 6) as f32 * 0.1 };
         let values: Vec<f32> = (0..240).map(value).collect();
         let (name, min, max) = ("flame".to_string(), DVec3::splat(-2.0), DVec3::splat(2.0));
-        // By the trapezoids between middles of voxels, the outer halves even.
+        // By the trapezoid rule between voxel centres, the outer halves constant.
         let along: Vec<f64> = (0..40).map(|z| f64::from(values[z * 6])).collect();
         let between: f64 = along.windows(2).map(|w| 0.5 * (w[0] + w[1])).sum();
         let mass = (between + 0.5 * (along[0] + along[39])) * 0.1;
@@ -149,7 +149,7 @@ fn grids_shine() {
         let filled_up = if sigma > 0.0 { (1.0 - (-sigma * mass).exp()) / sigma } else { mass };
         let options = &options(16, 256, 8);
         assert_radiance(&format!("emissive grid, {what}"), &scene, options, 0.3 * filled_up, 3e-3);
-        // Red and green are made of the same points.
+        // Red and green share the same sample points.
         let film = picture(&scene, options);
         let [red, green, blue, _] = film.mean_rgba(3, 4);
         assert!((red / green - 2.0).abs() < 1e-4 && (blue / green - 0.5).abs() < 1e-4);
@@ -162,7 +162,7 @@ fn grids_shine() {
     let filled = body(&mut scene, emissive);
     sphere(&mut scene, [0.0; 3], 200.0, filled);
     scene.cameras.push(beam([0.0, 0.0, 250.0]));
-    // Seen from outside a half space is darker than within: as where the same medium has no grid.
+    // Seen from outside, a half space is darker than from within: as for a homogeneous medium.
     let mut even = scene.clone();
     even.materials[0].medium = Some(Medium { grid: None, ..emissive });
     let [(a, of_a), (b, of_b)] = [&scene, &even].map(|scene| measure(scene, &options(16, 256, 200)));
@@ -170,9 +170,9 @@ fn grids_shine() {
     assert!((a - b).abs() < 4.5 * error && error < 0.01 * b, "{a} {b} +- {error}");
 }
 
-/// Fire: smoke that hides, and light by a grid of its own, as factors or as temperatures, on a ray along both.
+/// Fire: smoke density and an emission grid of its own, as factors or temperatures, on a ray through both.
 #[test]
-fn grids_shine_by_other_grids() {
+fn emission_grids_separate_from_density() {
     use oscura::compile::BlackBodies;
     use oscura::scene::EmissionGrid;
     let grid = |values: [f32; 2], z: [f64; 2]| {
@@ -180,7 +180,7 @@ fn grids_shine_by_other_grids() {
         let values = std::sync::Arc::new(values.to_vec());
         Grid::in_box(String::new(), [1, 1, 2], values, min, max)
     };
-    // Linear between the middles of voxels, a quarter and three quarters of the way.
+    // Linear between voxel centres, at 1/4 and 3/4.
     let value = |[a, b]: [f32; 2], [from, to]: [f64; 2], z: f64| {
         let share = ((z - from) / (to - from) * 2.0 - 0.5).clamp(0.0, 1.0);
         if z < from || z > to { 0.0 } else { f64::from(a) * (1.0 - share) + f64::from(b) * share }
@@ -222,16 +222,16 @@ fn grids_shine_by_other_grids() {
         let all = (0..1024).map(of_pixel).reduce(|a, b| std::array::from_fn(|c| a[c] + b[c]));
         let found = all.expect("pixels").map(|sum| sum / 1024.0);
         println!("{kelvin:?}, {scales_with_power}: {found:?}, truth {truth:?}");
-        // A million paths: a quarter of a percent is ten standard errors or so.
+        // A million paths: a quarter of a percent is about ten standard errors.
         let is_close = |c: usize| (found[c] - truth[c]).abs() < 4e-3 * truth[0];
         assert!((0..3).all(is_close) && truth[0] > 0.1, "{found:?} {truth:?}");
     }
 }
 
-/// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not
+/// Thick subsurface solids have the albedo that `subsurface` specifies, without a reflecting interface; steps of the walk do not
 /// count as bounces.
 #[test]
-fn subsurface_has_its_color() {
+fn subsurface_has_the_specified_albedo() {
     for (color, anisotropy) in [(0.2, 0.0), (0.5, 0.5), (0.9, 0.0)] {
         let mut scene = lit_all_around();
         let wax = translucent(&mut scene, Medium::subsurface([color; 3], [0.01; 3], anisotropy));
@@ -240,14 +240,14 @@ fn subsurface_has_its_color() {
         let film = picture(&scene, &options(32, 64, 4));
         let mean = crate::support::mean(&film);
         println!("subsurface {color} {anisotropy}: {mean}");
-        // Van de Hulst's fit is that good.
+        // Accuracy of van de Hulst's fit.
         assert!((mean - f64::from(color)).abs() < 0.02, "{color}: {mean}");
     }
 }
 
-/// Walks of subsurface scattering intersect their object only, as in Cycles: a black ball within is not found.
+/// Subsurface random walks intersect their own object only, as in Cycles: a black sphere inside is not hit.
 #[test]
-fn other_objects_within_a_body_are_not_found_by_its_walks() {
+fn subsurface_walks_ignore_other_objects() {
     let mean = |is_filled: bool| {
         let mut scene = lit_all_around();
         let wax = translucent(&mut scene, Medium::subsurface([0.8; 3], [0.3; 3], 0.0));
@@ -264,10 +264,10 @@ fn other_objects_within_a_body_are_not_found_by_its_walks() {
     assert!(empty > 0.5 && (filled / empty - 1.0).abs() < 1e-3, "{empty}, {filled}");
 }
 
-/// In a white furnace a white body that scatters evenly, or to one side, can't be seen, whatever its mean free path: walks of some steps, of
-/// hundreds, and guided ones.
+/// White furnace: a white subsurface solid is invisible at any anisotropy and mean free path: walks of a few steps, of hundreds,
+/// and guided ones.
 #[test]
-fn white_bodies_vanish_in_a_white_furnace() {
+fn white_subsurface_in_a_white_furnace() {
     for (extinction, anisotropy) in [(0.5, 0.0), (20.0, 0.0), (20.0, 0.7), (5.0, -0.4)] {
         let mut scene = lit_all_around();
         let wax = translucent(&mut scene, medium(extinction, 1.0, anisotropy));
@@ -278,9 +278,9 @@ fn white_bodies_vanish_in_a_white_furnace() {
     }
 }
 
-/// A camera in the middle of a white body in a white furnace sees the furnace.
+/// A camera inside a white solid in a white furnace sees the furnace.
 #[test]
-fn cameras_may_be_within_bodies() {
+fn camera_inside_a_subsurface_solid() {
     let mut scene = lit_all_around();
     let wax = translucent(&mut scene, medium(3.0, 1.0, 0.0));
     sphere(&mut scene, [0.0; 3], 1.0, wax);
@@ -288,10 +288,10 @@ fn cameras_may_be_within_bodies() {
     assert_radiance("from within", &scene, &options(16, 64, 4), 1.0, 0.01);
 }
 
-/// Light through a plate of Random Walk (Skin), 0.2 m thick, of a radius of 0.5 m: Cycles' (Blender 5.0.1). Diffuse entry would let
-/// a tenth less through, and the mean free paths of Random Walk a seventieth of the blue.
+/// Transmission of a Random Walk (Skin) slab, 0.2 m thick, of radius 0.5 m, against Cycles (Blender 5.0.1). Diffuse entry would
+/// transmit a tenth less, and the mean free paths of Random Walk a seventieth of the blue.
 #[test]
-fn plates_of_skin_let_through_what_they_do_in_cycles() {
+fn random_walk_skin_transmission_matches_cycles() {
     const SCENE: &str = "[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\nvfov = 1\nwidth = 16\nheight = 16\n\
         [materials.m]\ntype = \"nodes\"\nsurface = \"p\"\nvolume = true\n[materials.m.nodes.p]\ntype = \"principled_bsdf\"\n\
         base_color = [0.8, 0.5, 0.2]\nspecular_ior_level = 0\nsubsurface_weight = 1\nsubsurface_radius = [1, 1, 1]\n\
@@ -312,7 +312,7 @@ fn plates_of_skin_let_through_what_they_do_in_cycles() {
     }
 }
 
-/// A white furnace seen through a ball of radius 1 of glass that refracts nothing, with a medium of density 0.5 inside.
+/// A white furnace seen through a glass sphere of radius 1 and index 1, with a medium of density 0.5 inside.
 fn through_filled_glass(alpha: f32, color: f32, bounces: BounceLimits) -> f64 {
     let text = format!(
         "[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\nvfov = 0.1\n\
@@ -328,9 +328,9 @@ fn through_filled_glass(alpha: f32, color: f32, bounces: BounceLimits) -> f64 {
     crate::support::mean(&picture(&scene, &options(16, 256, 64).bounces(bounces)))
 }
 
-/// Rays that pass a surface by its alpha enter and leave its medium, like those that it refracts.
+/// Rays that pass an interface by alpha enter and leave its medium, like refracted ones.
 #[test]
-fn media_are_entered_where_surfaces_are_transparent() {
+fn alpha_passes_enter_and_leave_media() {
     for alpha in [0.01, 0.4, 1.0] {
         let absorbed = through_filled_glass(alpha, 0.0, BounceLimits::NONE);
         assert!((absorbed - (-1.0f64).exp()).abs() < 4e-3, "alpha {alpha}: {absorbed}");
@@ -339,14 +339,14 @@ fn media_are_entered_where_surfaces_are_transparent() {
     }
 }
 
-/// Light that is scattered within glass ends at its surface if it may be scattered once: what passes unscattered is left.
+/// Volume bounce limit inside glass: limited to one event, the unscattered light is left.
 #[test]
-fn scattering_within_glass_is_limited_like_that_of_other_media() {
+fn volume_bounce_limit_inside_glass() {
     let limited = through_filled_glass(1.0, 1.0, BounceLimits { volume: 1, ..BounceLimits::NONE });
     assert!((limited - (-1.0f64).exp()).abs() < 4e-3, "{limited}");
 }
 
-/// One scattering of the light of a point lamp, by quadrature along the ray.
+/// Single scattering of a point light, by quadrature along the ray.
 #[test]
 fn single_scattering_agrees_with_quadrature() {
     const SIGMA: f64 = 0.6;
@@ -360,7 +360,7 @@ fn single_scattering_agrees_with_quadrature() {
             let x = DVec3::new(0.0, 0.0, 3.0 - t);
             let to_lamp = lamp - x;
             let r = to_lamp.length();
-            // Light travels away from the lamp, then against the ray.
+            // Light travels away from the light, then against the ray.
             let cosine = to_lamp.dot(DVec3::NEG_Z) / r;
             0.8 * SIGMA * (-SIGMA * (t + r)).exp() * henyey_greenstein(g.into(), cosine) * 3.0 / (r * r)
         });
@@ -368,9 +368,9 @@ fn single_scattering_agrees_with_quadrature() {
     }
 }
 
-/// The same of a ball that emits light, which both light samples and scattered rays find, and through the boundary of a body.
+/// The same for a spherical light, found by both light and phase samples, and through the interface of a solid.
 #[test]
-fn single_scattering_of_a_ball_agrees_with_quadrature() {
+fn single_scattering_of_a_sphere_light_agrees_with_quadrature() {
     const SIGMA: f64 = 0.5;
     let (middle, radius) = (DVec3::new(0.0, 1.0, 0.0), 0.4);
     let from_ball = |x: DVec3, left: &dyn Fn(f64) -> f64| {
@@ -394,7 +394,7 @@ fn single_scattering_of_a_ball_agrees_with_quadrature() {
     });
     assert_radiance("ball in fog", &foggy, &options(16, 256, 1), truth, 4e-3);
 
-    // The body has its lamp outside: the boundary is crossed on the way in and towards the lamp.
+    // The light is outside the solid: the interface is crossed on the way in and towards the light.
     let (center, size) = (DVec3::new(0.0, -0.5, 0.0), 0.6);
     let mut scene = Scene::default();
     let filled = body(&mut scene, medium(SIGMA as f32, 1.0, 0.0));
@@ -404,7 +404,7 @@ fn single_scattering_of_a_ball_agrees_with_quadrature() {
     let half = (size * size - 0.04f64).sqrt();
     let truth = integral(0.0, 2.0 * half, 600, |t| {
         let x = DVec3::new(0.0, -0.3, half - t);
-        // How far light from the ball travels in the body depends on its direction: by a grid over the ball's cone.
+        // The distance travelled in the solid depends on the direction: quadrature over the light's cone.
         let axis = middle - x;
         let d = axis.length();
         let (axis, edge) = (axis / d, (1.0 - (radius / d).powi(2)).sqrt());
@@ -424,8 +424,7 @@ fn single_scattering_of_a_ball_agrees_with_quadrature() {
     assert_radiance("ball beside a body", &scene, &options(16, 256, 1), truth, 4e-3);
 }
 
-/// What absorbs nothing in uniform light looks like that light: fog, coloured bodies, glass filled with milk, any of them
-/// within another.
+/// White furnace: media without absorption are invisible: fog, coloured solids, milky glass, nested in each other.
 #[test]
 fn media_without_absorption_in_a_white_furnace() {
     let glass = |medium| {
@@ -448,7 +447,7 @@ fn media_without_absorption_in_a_white_furnace() {
     sphere(&mut nested, [0.0; 3], 1.0, outer);
     sphere(&mut nested, [0.1, 0.0, 0.2], 0.5, inner);
     sphere(&mut nested, [-0.2, 0.1, 1.0], 0.3, white);
-    // Two that overlap by chance.
+    // Two that overlap partially.
     let overlapping = body(&mut nested, medium(1.0, 1.0, 0.0));
     sphere(&mut nested, [1.1, 0.5, 0.0], 0.5, overlapping);
     let scenes = [("fog", foggy), ("body", solid), ("milk", milky), ("nested", nested)];
@@ -460,8 +459,8 @@ fn media_without_absorption_in_a_white_furnace() {
     }
 }
 
-/// In a closed box that emits e and reflects p everywhere, L = e + p L, whatever floats in it and scatters all light: by
-/// light samples and by rays that find the walls.
+/// In a closed box of emission e and albedo p, L = e + p L, whatever scatters in it without absorption, with light samples and
+/// phase samples.
 #[test]
 fn closed_emitting_box_with_fog() {
     let mut scene = Scene::default();
@@ -476,7 +475,7 @@ fn closed_emitting_box_with_fog() {
     assert_radiance("closed box with fog", &scene, &options(16, 64, 2000), 0.5, 3e-3);
 }
 
-/// Fog, a body without a surface, milk in glass, lamps of both kinds and a sky.
+/// Fog, a null-interface solid, milk in glass, lights of both kinds and a sky.
 pub fn everything() -> Scene {
     let mut scene = lit_all_around();
     scene.environment = Environment::Gradient { nadir: [0.1, 0.1, 0.1], zenith: [0.4, 0.6, 1.0] };
@@ -504,13 +503,13 @@ pub fn everything() -> Scene {
 }
 
 #[test]
-fn pictures_with_media_have_the_same_bits_everywhere() {
+fn media_are_deterministic() {
     assert_same_bits("media", &everything(), &options(32, 4, 20));
 }
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn splitting_keeps_the_picture_of_media() {
+fn splitting_keeps_the_mean_of_media() {
     use oscura::render::Splitting;
     let mut scene = lit_all_around();
     scene.fog = fog(medium(0.3, 0.8, 0.4), 2.0);
@@ -523,9 +522,9 @@ fn splitting_keeps_the_picture_of_media() {
     assert_same_means("splitting", &scene, [&alone, &split], 16);
 }
 
-/// Densities that no light crosses, and such that hardly anything is there.
+/// Opaque and nearly absent densities.
 #[test]
-fn extreme_densities_give_numbers() {
+fn extreme_densities_stay_finite() {
     for extinction in [0.0, 1e-30, 1e-9, 1e6, 1e9] {
         let mut scene = everything();
         let extreme = medium(extinction, 1.0, 0.99);
@@ -533,7 +532,7 @@ fn extreme_densities_give_numbers() {
         for material in &mut scene.materials {
             material.medium = material.medium.map(|_| extreme);
         }
-        // Counts numbers that are none.
+        // Counts NaN and infinite samples.
         picture(&scene, &options(16, 4, 30));
     }
 }

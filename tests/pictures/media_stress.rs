@@ -1,5 +1,5 @@
-//! Media at their edges: densities far too large and small, nested and overlapping bodies, whatever the way of colours: pictures
-//! stay numbers, and no light is added.
+//! Stress tests of media: extreme densities, nested and overlapping media, RGB and spectral: pictures stay finite, and no energy
+//! is added.
 
 use crate::support::{camera, material, options, pbr, sphere};
 use oscura::color::luminance;
@@ -25,8 +25,8 @@ fn lit() -> Scene {
     scene
 }
 
-/// The largest of the means by channel; by wavelength the luminance: where a spectrum is 1 or 0, red, green or blue may exceed 1. All
-/// samples are numbers.
+/// The largest channel mean; the luminance for spectral rendering: where a spectrum is 1 or 0, red, green or blue may exceed 1.
+/// All samples are finite.
 fn brightest(what: &str, scene: &Scene, spectral: bool) -> f64 {
     let shading = ShadingModel { spectral, ..ShadingModel::default() };
     let compiled = compile(scene, &CompileOptions { shading, ..CompileOptions::default() });
@@ -43,7 +43,7 @@ fn brightest(what: &str, scene: &Scene, spectral: bool) -> f64 {
 }
 
 #[test]
-fn densities_of_any_size_add_no_light() {
+fn extreme_densities_add_no_energy() {
     let all: [[f32; 3]; 7] = [
         [1e-38; 3],
         [1e-9; 3],
@@ -64,7 +64,7 @@ fn densities_of_any_size_add_no_light() {
             for (kind, scene) in [("solid", &solid), ("fog", &foggy)] {
                 for spectral in [false, true] {
                     let what = format!("{kind} {extinction:?} {albedo:?} {anisotropy} {spectral}");
-                    // Some percent of noise by wavelength.
+                    // Some percent of spectral noise.
                     let most = brightest(&what, scene, spectral);
                     assert!(most < 1.15, "{what}: {most}");
                 }
@@ -74,7 +74,7 @@ fn densities_of_any_size_add_no_light() {
 }
 
 #[test]
-fn nested_and_overlapping_bodies_add_no_light() {
+fn nested_and_overlapping_media_add_no_energy() {
     for priorities in [[0; 4], [3, 1, 2, 0]] {
         let mut scene = lit();
         let thick = Medium { anisotropy: 0.5, ..Medium::scattering([5.0, 1.0, 0.2]) };
@@ -88,7 +88,7 @@ fn nested_and_overlapping_bodies_add_no_light() {
         sphere(&mut scene, [-0.3, 0.0, 0.0], 0.7, ids[0]);
         sphere(&mut scene, [0.3, 0.0, 0.0], 0.7, ids[1]);
         sphere(&mut scene, [0.0, 0.2, 0.1], 0.3, ids[2]);
-        // Twice in the same place, and one that touches it from within.
+        // Twice at the same position, and one that touches it from inside.
         sphere(&mut scene, [0.0, -0.5, 0.0], 0.3, ids[0]);
         sphere(&mut scene, [0.0, -0.5, 0.0], 0.3, ids[1]);
         sphere(&mut scene, [0.0, -0.6, 0.0], 0.2, ids[2]);
@@ -104,7 +104,7 @@ fn nested_and_overlapping_bodies_add_no_light() {
 }
 
 #[test]
-fn grids_of_one_voxel_and_of_nothing_burn() {
+fn emissive_grids_of_one_voxel_or_zeros() {
     for (density, heat) in [(0.0f32, 0.0f32), (1.0, 0.0), (0.0, 1.0), (1e4, 1e-30), (1.0, 1e4)] {
         let mut scene = lit();
         let (min, max) = (DVec3::splat(-0.5), DVec3::splat(0.5));

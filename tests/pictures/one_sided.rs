@@ -1,4 +1,4 @@
-//! One-sided surfaces: seen from behind they aren't there, for whatever finds light.
+//! One-sided surfaces: absent from behind, for all techniques.
 
 use crate::compile_scene::square;
 use crate::support::{assert_radiance, camera, disk, material, mean, options, picture, quad, sphere, walls};
@@ -20,7 +20,7 @@ fn plastic(color: ColorSlot) -> Material {
     Material::new("plastic", Model::Pbr(Box::new(pbr)))
 }
 
-/// A material of each shading group: plain, other diffuse, textured, glTF, general.
+/// A material for each shading loop: plain, general diffuse, textured, glTF, general.
 fn materials(scene: &mut Scene) -> Vec<MaterialId> {
     let color = ColorSlot::texture(scene.add_texture(Texture::Normal));
     let painted = Material::new("painted", Model::Lambert { albedo: color });
@@ -37,7 +37,7 @@ fn materials(scene: &mut Scene) -> Vec<MaterialId> {
     .to_vec()
 }
 
-/// A shiny floor and a diffuse block, which see the light above them only through what `between` puts there.
+/// A glossy floor and a diffuse block, which see the light above only through what `between` adds.
 fn stage(light: &str, between: impl Fn(&mut Scene)) -> Scene {
     let mut scene = Scene::default();
     let shiny = material(&mut scene, plastic(ColorSlot::constant([0.6; 3])));
@@ -59,7 +59,7 @@ fn stage(light: &str, between: impl Fn(&mut Scene)) -> Scene {
         let kind = LightKind::Directional { direction: DVec3::new(0.2, -1.0, 0.1) };
         scene.lights.push(Light::new(kind, [2.0; 3]));
     }
-    // Whatever lies between, the scene is of one size: lights are chosen by it.
+    // All variants have the same bounds: light selection depends on them.
     for far in [-40.0, 40.0] {
         sphere(&mut scene, [far; 3], 0.01, grey);
     }
@@ -68,13 +68,13 @@ fn stage(light: &str, between: impl Fn(&mut Scene)) -> Scene {
     scene
 }
 
-/// A sheet of triangles that faces up, from -5 to 5 in x and z.
+/// A horizontal sheet of triangles facing up, from -5 to 5 in x and z.
 fn sheet(scene: &mut Scene, cells: u32, material: MaterialId, height: f64) {
     scene.meshes.push(square(cells, material));
     let turn = DAffine3::from_rotation_x(-std::f64::consts::FRAC_PI_2);
     let place =
         DAffine3::from_translation(DVec3::Y * height) * turn * DAffine3::from_scale(DVec3::splat(10.0));
-    // Meshes of many triangles are shared where they are placed twice.
+    // Large meshes are instanced where they are placed twice.
     for lift in [0.0, 0.05] {
         scene.instances.push(Instance {
             name: "sheet".into(),
@@ -86,9 +86,9 @@ fn sheet(scene: &mut Scene, cells: u32, material: MaterialId, height: f64) {
     }
 }
 
-/// Sheets whose backs face the stage change nothing, to the last bit: whichever way light is found, by whatever loop.
+/// Sheets facing away from the scene change no bit of the picture: with any technique and any shading loop.
 #[test]
-fn backs_change_nothing_for_any_way_of_finding_light() {
+fn back_faces_are_absent_for_all_techniques() {
     for light in ["lamp", "ball", "sky", "sun", "all"] {
         for reuse in [PathReuse::Off, "4x4".parse().expect("groups")] {
             let options = options(24, 8, 4).path_reuse(reuse);
@@ -101,7 +101,7 @@ fn backs_change_nothing_for_any_way_of_finding_light() {
                     sheet(scene, if i % 2 == 0 { 1 } else { 30 }, material, height);
                     quad(scene, [-6.0, height + 0.1, 6.0], [12.0, 0.0, 0.0], [0.0, 0.0, -12.0], material);
                     disk(scene, [0.0, height + 0.15, 0.0], [0.0, 1.0, 0.0], 5.0, material);
-                    // From within.
+                    // From inside.
                     sphere(scene, [0.0, 0.0, 0.0], 20.0 + i as f64, material);
                 }
             });
@@ -111,9 +111,9 @@ fn backs_change_nothing_for_any_way_of_finding_light() {
     }
 }
 
-/// Their fronts shade.
+/// Their fronts cast shadows.
 #[test]
-fn fronts_stop_light() {
+fn front_faces_cast_shadows() {
     assert!(mean(&picture(&stage("sun", |_| {}), &options(16, 4, 3))) > 0.1);
     for index in 0..5 {
         for cells in [1, 30] {
@@ -132,9 +132,9 @@ fn fronts_stop_light() {
     }
 }
 
-/// A sheet of two materials, one on either side, at the same place: each side shows its own.
+/// Two coincident one-sided sheets of opposite orientation: each side shows its own material.
 #[test]
-fn twins_that_face_apart_show_their_fronts() {
+fn coincident_opposite_sheets_show_their_fronts() {
     for (from, seen) in [(1.0, 0.25), (-1.0, 0.75)] {
         for swapped in [false, true] {
             let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
@@ -156,10 +156,10 @@ fn twins_that_face_apart_show_their_fronts() {
     }
 }
 
-/// In a room of one-sided walls, fronts inwards, all is as if they had two sides; from outside one looks in.
+/// A room of one-sided walls facing inwards behaves as with two-sided ones; from outside the camera sees in.
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn a_doll_house_is_open_to_viewers_and_closed_to_its_light() {
+fn inward_facing_room_is_visible_from_outside() {
     let room = |is_one_sided: bool| {
         let mut scene = Scene::default();
         let wall = Material::emitter("wall", [0.25; 3], false);
@@ -175,15 +175,15 @@ fn a_doll_house_is_open_to_viewers_and_closed_to_its_light() {
     }
     let [two, one] = within.each_ref().map(|scene| picture(scene, &options(16, 16, 8)));
     assert!(two.rgba() == one.rgba());
-    // The furnace seen from outside: L = e + p L.
+    // The closed box seen from outside: L = e + p L.
     let mut scene = room(true);
     scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 10.0));
     assert_radiance("from outside", &scene, &options(16, 256, 40), 0.5, 2e-3);
 }
 
-/// A one-sided surface whose emission is reported to have two sides shines to its front alone.
+/// A one-sided surface with two-sided emission emits from its front only.
 #[test]
-fn nothing_shines_where_nothing_is() {
+fn one_sided_surfaces_emit_from_the_front_only() {
     let under_lamp = |faces_up: bool| {
         let mut scene = Scene::default();
         let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));

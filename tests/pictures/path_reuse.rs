@@ -1,4 +1,4 @@
-//! Pixels that share paths: the same expected picture, less noise, and the same bits whatever the machine.
+//! Path sharing between pixels: the same expected value, less noise, and deterministic.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, differences, noise};
 use crate::support::sheet::{self, Variant};
@@ -24,7 +24,7 @@ fn room_camera(scene: &mut Scene) {
     scene.cameras.push(camera(eye, DVec3::new(0.0, -0.1, 0.0), DVec3::Y, 80.0));
 }
 
-/// A room of all classes of surfaces, lit by a lamp that faces the ceiling: mostly by indirect light.
+/// A room of all vertex classes, lit by an area light that faces the ceiling: mostly indirect light.
 fn room() -> Scene {
     let mut scene = Scene::default();
     let surfaces = [
@@ -46,7 +46,7 @@ fn room() -> Scene {
     scene
 }
 
-/// A wavy, textured, normal-mapped sheet of plastic over a floor, in even light from above.
+/// A wavy, textured, normal-mapped plastic sheet over a floor, under a uniform sky.
 fn waves() -> Scene {
     let mut scene = sheet::scene(&Variant::SMOOTH);
     let wall = material(&mut scene, pbr("wall", [0.9; 3], 0.0, 0.3));
@@ -56,7 +56,7 @@ fn waves() -> Scene {
     scene
 }
 
-/// A corner of rough plastic whose shading normals lean up to 50 degrees: those of many viewers have to be bent.
+/// A corner of rough plastic with shading normals tilted by up to 50 degrees, which many viewing directions make invalid.
 fn steep() -> Scene {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     let plastic = material(&mut scene, pbr("plastic", [0.8, 0.5, 0.3], 0.0, 0.6));
@@ -88,11 +88,11 @@ fn steep() -> Scene {
 
 const EDGE: u32 = 40;
 
-/// Blocks of pictures with and without shared paths have the same means: differences are as large as their standard
-/// errors say. Blocks are as large as groups or larger, so that correlation within groups is in those errors.
+/// Blocks of pictures with and without path sharing have the same means: differences match their standard errors. Blocks contain
+/// whole groups, so that correlation within groups is in those errors.
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn sharing_changes_no_mean() {
+fn sharing_keeps_the_mean() {
     for (name, scene) in [("room", room()), ("waves", waves()), ("steep", steep())] {
         for (depth, shape) in [(100, "4x4/2"), (2, "2x2/1"), (4, "8x8/4"), (3, "2x1/1")] {
             let options = options(EDGE, 32, depth).path_reuse(PathReuse::Off);
@@ -102,10 +102,10 @@ fn sharing_changes_no_mean() {
     }
 }
 
-/// In a closed box that emits e and reflects p everywhere, L = e + p L, shared or not.
+/// In a closed box of emission e and albedo p, L = e + p L, with and without sharing.
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn a_closed_box_has_its_closed_form() {
+fn closed_emitting_box() {
     for shape in ["1x2/1", "2x2/1", "4x4/4", "8x8/2"] {
         let mut scene = Scene::default();
         let albedo = 0.7f32;
@@ -131,7 +131,7 @@ fn sharing_lowers_the_noise_of_indirect_light() {
 }
 
 #[test]
-fn threads_and_cpu_levels_agree() {
+fn sharing_is_deterministic() {
     for (name, scene) in [("room", room()), ("waves", waves())] {
         for reuse in [groups("4x4/4"), groups("8x8/4"), PathReuse::Auto] {
             let options = options(80, 5, 100).path_reuse(reuse);
@@ -140,9 +140,9 @@ fn threads_and_cpu_levels_agree() {
     }
 }
 
-/// Pictures and passes of any size have all their samples, and a step's film is the picture of that many samples.
+/// All picture sizes and passes get all their samples; the film after a pass equals a picture of that many samples.
 #[test]
-fn sizes_and_passes_fit() {
+fn any_picture_size_and_pass_count() {
     let scene = room();
     for (width, height) in [(1, 1), (16, 16), (17, 33), (70, 5)] {
         for shape in ["2x1/1", "4x4/4", "8x8/4"] {
@@ -162,7 +162,7 @@ fn sizes_and_passes_fit() {
 }
 
 #[test]
-fn few_bounces_share_nothing_and_say_so() {
+fn sharing_without_indirect_light_is_reported() {
     let scene = room();
     for depth in [0, 1] {
         let mut forced = rendering(&scene, &options(20, 8, depth).path_reuse(groups("4x4")));
@@ -173,16 +173,16 @@ fn few_bounces_share_nothing_and_say_so() {
     }
 }
 
-/// Groups are chosen where the picture gains, and nothing is shared where it can't.
+/// Group sizes are chosen by a pilot: shared where it reduces noise.
 #[test]
-fn a_pilot_decides() {
+fn pilot_chooses_group_sizes() {
     let chosen = |scene: &Scene, options: &RenderOptions| {
         let mut rendering = rendering(scene, options);
         rendering.run();
         (rendering.statistics().path_reuse, rendering.statistics().rays)
     };
     let options = options(256, 4, 100);
-    // Without glass and gloss.
+    // Without glass and glossy surfaces.
     let mut room = Scene::default();
     walls(&mut room, [1.0; 3], |scene, _| material(scene, Material::lambert("white", [0.8; 3])));
     let lamp = material(&mut room, Material::emitter("lamp", [20.0; 3], false));
@@ -191,7 +191,7 @@ fn a_pilot_decides() {
     let (shape, _) = chosen(&room, &options);
     println!("room: {shape:?}");
     assert!(shape.is_some());
-    // A convex body in even light: its paths never meet a second surface.
+    // A convex object under a uniform sky: no second hits.
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     sphere(&mut scene, [0.0; 3], 1.0, grey);
@@ -201,18 +201,18 @@ fn a_pilot_decides() {
     assert_eq!((shape, rays), (None, rays_without));
 }
 
-/// What connections of the room are blocked by or begin at.
+/// What blocks connections in the room, or what they start at.
 #[derive(Clone, Copy, Debug)]
 enum Crowd {
-    /// Paper that is absent at random, a thin sheet of glass, a solid pane.
+    /// Paper of partial alpha, thin glass, a solid pane.
     Sheets,
-    /// Mixes of three materials, by weights that depend on the viewer or not.
+    /// Mixes of three materials, with view-dependent or constant weights.
     Mixes,
-    /// Fog without a surface, and a solid that scatters light beneath its surface.
+    /// Unbounded fog, and a subsurface solid.
     Bodies,
 }
 
-/// The room with more in it.
+/// The room with more obstacles.
 fn crowded(crowd: Crowd) -> Scene {
     let mut scene = room();
     let constant = |w: f32| ColorSlot::constant([w; 3]);
@@ -275,10 +275,10 @@ fn crowded(crowd: Crowd) -> Scene {
     scene
 }
 
-/// Connections end at what rays pass at random, bends them or scatters light on its way; paths through it stay with their pixels. So no mean
-/// changes.
+/// Connections are blocked by stochastic transparency, refraction and media; paths through these stay with their pixels. The
+/// mean is unchanged.
 #[test]
-fn sharing_in_crowded_rooms_changes_no_mean() {
+fn sharing_keeps_the_mean_with_transparency_mixes_and_media() {
     for crowd in [Crowd::Sheets, Crowd::Mixes, Crowd::Bodies] {
         let scene = crowded(crowd);
         let options = options(EDGE, 16, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
@@ -291,11 +291,12 @@ fn sharing_in_crowded_rooms_changes_no_mean() {
     }
 }
 
-/// Left-out caustics and the glossy filter decide alike for the members of a group. Whether a bounce counts as diffuse or glossy is drawn by
-/// the lobes' shares: of each colour where paths are shared, else of all colours together, which differs by less than a thousandth. The clamp compares the light of a path with
-/// its owner's throughput: a picture loses as much as alone, but at the borders of objects.
+/// Disabled caustics and glossy filtering apply alike to all members of a group. Whether a bounce counts as diffuse or glossy is
+/// sampled by the lobes' albedos: per channel where paths are shared, else averaged over channels, which differs by less than a
+/// thousandth. Clamping uses the throughput of the path's owner: a picture loses the same as without sharing, except at object
+/// borders.
 #[test]
-fn sharing_keeps_limits_of_paths() {
+fn sharing_respects_path_limits() {
     let scene = room();
     let plain = options(EDGE, 32, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
     let bounces = BounceLimits { diffuse: 2, glossy: 2, transmission: 8, ..BounceLimits::NONE };
@@ -318,9 +319,9 @@ fn sharing_keeps_limits_of_paths() {
     assert!((shared - alone).abs() < 0.1 * (free - alone), "{shared} for {alone}, free {free}");
 }
 
-/// Branches of a sample are clamped as whole paths are.
+/// Branches of a split path are clamped as whole paths are.
 #[test]
-fn splitting_keeps_the_clamp() {
+fn splitting_respects_clamping() {
     let scene = room();
     let plain = options(EDGE, 32, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
     let clamped = plain.clamp(Clamp { direct: f32::INFINITY, indirect: 0.4 });
@@ -329,7 +330,7 @@ fn splitting_keeps_the_clamp() {
 }
 
 #[test]
-fn a_scene_file_renders_alike() {
+fn sharing_keeps_the_mean_of_a_scene_file() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials.toml");
     let scene = oscura::load::load(&path, &Default::default()).expect("the scene loads").scene;
     let options = options(EDGE, 64, 100).path_reuse(PathReuse::Off);

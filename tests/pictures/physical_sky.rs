@@ -1,4 +1,4 @@
-//! The clear sky as light: what it brings to level ground, and its sun in the picture.
+//! The physical sky as a light: the irradiance of horizontal ground, and the visible sun disk.
 
 use crate::support::{assert_radiance, camera, material, measure, options, quad};
 use oscura::load::sky::PhysicalSky;
@@ -10,7 +10,7 @@ fn sky(elevation: f64) -> PhysicalSky {
     PhysicalSky { sun_elevation_rad: elevation.to_radians(), turbidity: 4.0, ..PhysicalSky::default() }
 }
 
-/// Irradiance of the sky on level ground by quadrature in the squared cosine.
+/// Irradiance of the sky on horizontal ground by quadrature in the squared cosine.
 fn irradiance(sky: &PhysicalSky) -> [f64; 3] {
     let (mut sum, n) = ([0.0; 3], 300);
     for row in 0..n {
@@ -32,7 +32,7 @@ fn green(rgb: [f64; 3]) -> f64 {
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn level_ground_reflects_what_sun_and_sky_bring() {
+fn ground_reflects_the_irradiance_of_sun_and_sky() {
     for (elevation, has_sun) in [(50.0, true), (12.0, true), (50.0, false)] {
         let sky = PhysicalSky { has_sun, ..sky(elevation) };
         let mut scene = Scene::default();
@@ -43,7 +43,7 @@ fn level_ground_reflects_what_sun_and_sky_bring() {
         let direct = if has_sun { green(sky.sun_irradiance()) * sky.to_sun().y } else { 0.0 };
         let truth = 0.5 * (direct + green(irradiance(&sky))) / PI;
         let (mean, error) = measure(&scene, &options(16, 1024, 1));
-        // The picture of the sky is bilinear between its texels.
+        // The sky texture is bilinear between its texels.
         assert!(
             (mean / truth - 1.0).abs() < 1e-3 && error < 2e-4 * truth,
             "{elevation}: {mean} {error} {truth}"
@@ -51,9 +51,9 @@ fn level_ground_reflects_what_sun_and_sky_bring() {
     }
 }
 
-/// The camera looks into the middle of the sun, and beside it.
+/// The camera looks at the centre of the sun, and next to it.
 #[test]
-fn cameras_see_the_sun_of_the_sky() {
+fn sun_disk_is_visible() {
     let sky = PhysicalSky { sun_angle_rad: 0.05, sun_azimuth_rad: 2.0, strength: 0.5, ..sky(30.0) };
     let mut scene = Scene::default();
     sky.add_to(&mut scene).unwrap();
@@ -66,7 +66,7 @@ fn cameras_see_the_sun_of_the_sky() {
     hidden.environment_sun = None;
     let aureole = measure(&hidden, &options(16, 16, 1)).0;
     assert!((aureole / (0.5 * green(sky.radiance(sky.to_sun()))) - 1.0).abs() < 0.03, "{aureole}");
-    // Turned away with its picture.
+    // Rotated away with the sky texture.
     scene.set_environment_rotation(1.0);
     let turned = oscura::math::DQuat::from_rotation_y(1.0) * sky.to_sun();
     scene.cameras[0] = camera(DVec3::ZERO, turned, DVec3::Y, 1e-3);

@@ -1,4 +1,4 @@
-//! Rooms lit through windows by the environment: with portals pictures have the same means, and less noise.
+//! Rooms lit through windows by the environment: portals keep the mean and reduce noise.
 
 use crate::support::differences::{assert_same_bits, noise};
 use crate::support::{assert_radiance, camera, material, measure, options, quad};
@@ -13,12 +13,12 @@ const WINDOW: [f64; 4] = [-0.5, 0.5, 0.8, 2.0];
 fn portal(scene: &mut Scene) {
     let [x0, x1, y0, y1] = WINDOW;
     let corner = DVec3::new(x0, y0, -2.0);
-    // Light comes in along z.
+    // Light enters along z.
     let (edge_u, edge_v) = (DVec3::X * (x1 - x0), DVec3::Y * (y1 - y0));
     scene.portals.push(Portal { name: "window".into(), corner, edge_u, edge_v });
 }
 
-/// A room of 4 x 3 x 4 metres, its wall at z = -2 around the window, lit by a sky with a bright part.
+/// A room of 4 x 3 x 4 metres with a window in its wall at z = -2, under a sky with a bright part.
 fn room(wall: MaterialId, scene: &mut Scene) {
     let [x0, x1, y0, y1] = WINDOW;
     let mut side = |corner: [f64; 3], u: [f64; 3], v: [f64; 3]| quad(scene, corner, u, v, wall);
@@ -37,7 +37,7 @@ fn room(wall: MaterialId, scene: &mut Scene) {
 fn sky(scene: &mut Scene) {
     let rgb = (0..64 * 32).flat_map(|i| {
         let (x, y) = (i % 64, i / 64);
-        // Bright patches outside, some of which the room sees.
+        // Bright patches outside, some visible from the room.
         let value = if (12..15).contains(&x) && (9..12).contains(&y) { 60.0 } else { 1.0 - y as f32 / 40.0 };
         [value; 3]
     });
@@ -57,7 +57,7 @@ fn lit_room(with_portal: bool) -> Scene {
     scene
 }
 
-/// Irradiance of a point of the floor through the window from a sky of radiance 1, by quadrature over the window.
+/// Irradiance of a floor point through the window from a sky of radiance 1, by quadrature over the window.
 #[test]
 fn a_floor_behind_a_window() {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
@@ -79,9 +79,9 @@ fn a_floor_behind_a_window() {
     assert_radiance("through the window", &scene, &options(16, 64, 1), 0.5 * form, 2e-3);
 }
 
-/// Whatever stands where, nothing becomes brighter or darker: the furnace, with portals here and there that are no openings.
+/// Furnace test with portals that are no openings: the mean is unchanged.
 #[test]
-fn portals_in_the_open_change_nothing() {
+fn misplaced_portals_keep_the_mean() {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     let white = material(&mut scene, Material::lambert("white", [1.0; 3]));
     scene.shapes.push(oscura::scene::Shape::sphere([0.0; 3], 1.0, white));
@@ -96,10 +96,10 @@ fn portals_in_the_open_change_nothing() {
     assert_radiance("furnace", &scene, &options(16, 256, 4), 1.0, 5e-3);
 }
 
-/// The same mean as without, and less noise of direct light; all that the walls pass on, and with shared paths.
+/// The same mean and less noise of direct light; also with indirect light and path sharing.
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn a_room_has_the_same_light_and_less_noise() {
+fn portals_reduce_noise_and_keep_the_mean() {
     for depth in [1, 6] {
         let options = options(24, 64, depth);
         let (off, on) = (measure(&lit_room(false), &options), measure(&lit_room(true), &options));
@@ -113,7 +113,7 @@ fn a_room_has_the_same_light_and_less_noise() {
 }
 
 #[test]
-fn pictures_through_portals_have_the_same_bits_on_all_machines() {
+fn portals_are_deterministic() {
     let options: RenderOptions = options(16, 8, 4);
     assert_same_bits("portals", &lit_room(true), &options);
 }

@@ -1,4 +1,4 @@
-//! Media whose coefficients are textures in space, read from scene files, against closed forms.
+//! Procedural volumes: media with textured coefficients, read from scene files, against closed forms.
 
 use crate::support::{options, picture};
 use oscura::load::{LoadOptions, load};
@@ -31,7 +31,7 @@ fn in_box(medium: &str) -> String {
     )
 }
 
-/// An absorption that grows along the ray, of one colour: grids hold linear functions exactly.
+/// Grey absorption with a linear gradient along the ray: grids represent it exactly.
 #[test]
 fn absorption_of_a_gradient() {
     let medium = "density = \"tint.vector\"\ncolor = 0\nresolution = 16\n\
@@ -39,13 +39,13 @@ fn absorption_of_a_gradient() {
                   nodes.parts = { type = \"separate_xyz\", vector = \"place.generated\" }\n\
                   nodes.rise = { type = \"math\", operation = \"multiply_add\", a = \"parts.z\", b = 0.4, c = 0.6 }\n\
                   nodes.tint = { type = \"vector_math\", operation = \"multiply\", a = \"rise.value\", b = [1, 0.5, 0] }\n";
-    // The density is 0.6 + 0.4 z with z from 0 to 1: its mean along the ray is that in the middle.
+    // The density is 0.6 + 0.4 z with z from 0 to 1: its mean along the ray is that at the centre.
     let (found, grids) = seen(&in_box(medium), &options(16, 1024, 4));
     assert_close("gradient", found, [-1.6f64, -0.8, 0.0].map(f64::exp), 5e-3);
     assert_eq!(grids, 1);
 }
 
-/// Emission of colours that differ from place to place, without an extinction.
+/// Emission of varying colour, without extinction.
 #[test]
 fn emission_by_position() {
     let medium = "density = 0\nemission = \"shift.vector\"\nresolution = 16\n\
@@ -57,7 +57,7 @@ fn emission_by_position() {
     assert_eq!(grids, 4);
 }
 
-/// Constants by way of textures are constants: what is scattered once, in a furnace, and many times.
+/// Constant textures match constants: single scattering, in a furnace, and multiple scattering.
 #[test]
 fn colors_by_textures_scatter_as_constants_do() {
     let medium = |color: &str| format!("density = 1.5\ncolor = {color}\nanisotropy = 0.4\n");
@@ -72,7 +72,7 @@ fn colors_by_textures_scatter_as_constants_do() {
     }
 }
 
-/// Each object has a grid in its own coordinates: two balls of different sizes that are dense in their middles.
+/// Each object has a grid in its own coordinates: two spheres of different sizes with a density peak at their centres.
 #[test]
 fn objects_have_grids_of_their_own() {
     let materials = "[environment]\nbackground = 1\n[materials.body]\ntype = \"medium\"\ncolor = 0\nresolution = 64\n\
@@ -90,7 +90,7 @@ fn objects_have_grids_of_their_own() {
     assert_eq!(grids, 2);
 }
 
-/// An absorption whose colour differs from place to place, and emission within it.
+/// Absorption and emission of varying colours.
 #[test]
 fn absorption_and_emission_of_many_colors() {
     let medium = "density = \"absorbed.vector\"\ncolor = 0\nresolution = 16\nnodes.place = { type = \"geometry\" }\n\
@@ -109,9 +109,9 @@ fn absorption_and_emission_of_many_colors() {
     assert_close("emission", found, [0, 1, 2].map(|c| left[c] + shone[c]), 1e-2);
 }
 
-/// Shadow rays through the empty part of a medium whose colour differs from place to place.
+/// Shadow rays through the empty part of a medium of varying colour.
 #[test]
-fn nothing_is_lost_where_nothing_is() {
+fn empty_regions_transmit_all_light() {
     let medium = "density = \"absorbed.vector\"\ncolor = 0\nresolution = 16\nnodes.place = { type = \"geometry\" }\n\
                   nodes.shift = { type = \"vector_math\", operation = \"add\", a = \"place.position\", b = [-0.5, -0.5, 0] }\n\
                   nodes.absorbed = { type = \"vector_math\", operation = \"maximum\", a = \"shift.vector\", b = [0, 0, 0] }\n";
@@ -119,7 +119,7 @@ fn nothing_is_lost_where_nothing_is() {
                  sun = { direction = [0, 0, -1], irradiance = 3.14159265 }\n[[objects]]\nmaterial = \"floor\"\n\
                  quad = { corner = [-9, -9, -2], u = [18, 0, 0], v = [0, 18, 0] }\n";
     let dark = in_box(medium).replace("background = 1", "background = 0");
-    // The last channel goes from 0 to 1 in the upper half, which light passes twice.
+    // The last channel goes from 0 to 1 in the upper half, which light crosses twice.
     let (found, _) = seen(&format!("{dark}{floor}"), &options(16, 1024, 4));
     assert_close("floor", found, [0.5, 0.5, 0.5 * (-1.0f64).exp()], 8e-3);
 }

@@ -1,4 +1,4 @@
-//! Pictures of the whole program against converged references that another renderer made.
+//! Renders against converged references of other renderers.
 
 use crate::skip::skip;
 use crate::support::{options, picture};
@@ -17,12 +17,12 @@ use std::path::{Path, PathBuf};
 /// Edge of the pictures rendered here, pixels.
 const SIZE: u32 = 64;
 
-/// A file of references; says so and gives `None` where it is absent.
+/// A file of references; reports and gives `None` where it is absent.
 pub(crate) fn reference(name: &str) -> Option<PathBuf> {
     shared(&format!("refs/{name}"))
 }
 
-/// A file that is too large for the project; says so and gives `None` where it is absent.
+/// A file too large for the repository; reports and gives `None` where it is absent.
 fn shared(name: &str) -> Option<PathBuf> {
     let shared = std::env::var_os("OSCURA_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
@@ -34,7 +34,7 @@ fn shared(name: &str) -> Option<PathBuf> {
     Some(path)
 }
 
-/// The means of square blocks, times `factor`: box-filtered pixels of `SIZE` x `SIZE` larger ones.
+/// Box-filtered downscaling to `SIZE` x `SIZE`, times `factor`.
 pub(crate) fn shrunk(image: &Image, factor: f64) -> Image {
     let block = image.width / SIZE;
     assert_eq!((image.width, image.height), (block * SIZE, block * SIZE), "{}", image.name);
@@ -76,14 +76,14 @@ fn the_cornell_box_agrees_with_another_renderer() {
     }
     assert!(test.agrees(), "{test:?}");
 
-    // The test can tell: 4 % less light is not the same picture.
+    // Negative test: 4 % less light is detected.
     let dimmer = |image: &Image| shrunk(image, 0.96);
     let dimmed =
         z_test(&dimmer(&a), &dimmer(&b), &shrunk(&means, 1.0), &shrunk(&variances, 1.0 / pixels_a_block));
     assert!(!dimmed.expect("many blocks").agrees(), "{dimmed:?}");
 }
 
-/// An export of Blender's as Cycles' references show it: glass as solids, single scattering, sharp terminators.
+/// A Blender export rendered with the settings of Cycles' references: glass as solids, single scattering, sharp terminators.
 fn export(path: &Path) -> Image {
     let gltf = GltfOptions { glass: Glass::Solid, ..GltfOptions::default() };
     let loaded =
@@ -99,7 +99,7 @@ fn export(path: &Path) -> Image {
     to_image(rendering.film())
 }
 
-/// Mean of a rectangle of pixels, from a corner to another.
+/// Mean of a rectangle of pixels, between two corners.
 fn part(image: &Image, from: [u32; 2], to: [u32; 2]) -> [f64; 3] {
     let pixels = (from[1]..to[1]).flat_map(|y| (from[0]..to[0]).map(move |x| (x, y)));
     let sum = pixels.fold([0.0; 3], |s, (x, y)| {
@@ -109,9 +109,9 @@ fn part(image: &Image, from: [u32; 2], to: [u32; 2]) -> [f64; 3] {
     sum.map(|s| s / f64::from((to[0] - from[0]) * (to[1] - from[1])))
 }
 
-/// Tolerance 2 %, of which the differences of the materials' models take up to 1 % (`tools/compare` lists them).
+/// Tolerance 2 %, of which the differences of the material models take up to 1 % (`tools/compare` lists them).
 #[test]
-fn exports_of_blender_look_as_in_cycles() {
+fn blender_exports_match_cycles() {
     for name in ["materials", "room", "instances", "lights"] {
         let (Some(asset), Some(cycles)) =
             (shared(&format!("data/blender/{name}.glb")), reference(&format!("blender/{name}.ref.exr")))
@@ -127,10 +127,10 @@ fn exports_of_blender_look_as_in_cycles() {
     }
 }
 
-/// The colour of a solid made of glass without a volume shows once in light that has passed it: seen through the tinted
-/// slab, the channels stand to each other as in Cycles, within 2 %. Met at both surfaces, blue would be 17 % too weak.
+/// The base colour of solid glass without a volume tints transmitted light once: through the tinted slab the ratios of the
+/// channels match Cycles within 2 %. Applied at both interfaces, blue would be 17 % too weak.
 #[test]
-fn solid_glass_has_the_colour_that_blender_gives_it() {
+fn solid_glass_tint_matches_blender() {
     let (Some(asset), Some(cycles)) = (shared("data/blender/glass.glb"), reference("blender/glass.ref.exr"))
     else {
         return;

@@ -1,4 +1,5 @@
-//! Small lights behind glass and water that light samples don't pass: closed forms, and the same means however their light is found.
+//! Small lights behind glass and water that next-event estimation can't pass: closed forms, and the same expected value with all
+//! techniques.
 
 use crate::support::{
     assert_radiance, block, camera, gltf_glass, material, measure, options, pbr, place, quad,
@@ -13,7 +14,8 @@ use std::f64::consts::PI;
 
 const IOR: f64 = 1.5;
 
-/// Glass: bodies, or open sheets, which leave radiance as it is. Lights behind glass that is absent once in ten million rays are found by paths alone.
+/// Glass: solids, or open surfaces, which keep radiance. An alpha that is 0 once in ten million rays disables sampling of
+/// refracted lights.
 fn glass(roughness: f32, is_solid: bool, is_looked_through: bool) -> Material {
     let pbr = PbrMaterial { has_volume: is_solid, keeps_radiance: !is_solid, ..gltf_glass(roughness) };
     let mut glass = Material::new("glass", Model::Pbr(Box::new(pbr)));
@@ -23,7 +25,7 @@ fn glass(roughness: f32, is_solid: bool, is_looked_through: bool) -> Material {
     glass
 }
 
-/// Share of light that a face lets pass.
+/// Transmittance of a face.
 fn transmittance(cosine: f64) -> f64 {
     let within = (1.0 - (1.0 - cosine * cosine) / (IOR * IOR)).sqrt();
     let parallel = (IOR * cosine - within) / (IOR * cosine + within);
@@ -43,9 +45,9 @@ fn sun(scene: &mut Scene, irradiance: f32, degrees: f64) {
     scene.lights.push(Light::new(kind, [irradiance; 3]));
 }
 
-/// The floor of a pool gets what the level surface lets through of the sun.
+/// The floor of a pool receives the sun's light transmitted by the flat surface.
 #[test]
-fn the_sun_shines_into_level_water() {
+fn sun_into_flat_water() {
     let mut scene = Scene::default();
     floor(&mut scene, Material::lambert("grey", [0.8; 3]));
     let glass = material(&mut scene, glass(0.0, true, true));
@@ -56,13 +58,13 @@ fn the_sun_shines_into_level_water() {
     assert_radiance("level water", &scene, &options, truth, 1e-2);
 }
 
-/// A sheet of glass that leaves radiance as it is spreads light by the square of its index.
+/// An open surface that keeps radiance spreads irradiance by the squared index.
 #[test]
-fn the_sun_shines_through_an_open_sheet() {
+fn sun_through_an_open_surface() {
     let mut scene = Scene::default();
     floor(&mut scene, Material::lambert("grey", [0.8; 3]));
     let glass = material(&mut scene, glass(0.0, false, true));
-    // Its front is on the side of the sun.
+    // Its front faces the sun.
     quad(&mut scene, [-40.0, 1.0, 40.0], [80.0, 0.0, 0.0], [0.0, 0.0, -80.0], glass);
     sun(&mut scene, 5.0, 0.5);
     let truth = 0.8 / PI * 5.0 * 0.8 * transmittance(0.8) / (IOR * IOR);
@@ -70,7 +72,7 @@ fn the_sun_shines_through_an_open_sheet() {
     assert_radiance("open sheet", &scene, &options, truth, 1e-2);
 }
 
-/// A closed body over or around the floor whose top has waves.
+/// A closed solid over or around the floor with a wavy top.
 fn wavy(scene: &mut Scene, low: f64, high: f64, of: MaterialId) {
     const N: usize = 24;
     let at = |k: usize| 6.0 * (2.0 * k as f64 / N as f64 - 1.0);
@@ -139,7 +141,7 @@ fn floors() -> Vec<(&'static str, Material)> {
     ]
 }
 
-/// The lobes towards lights change no mean.
+/// Lobes that sample refracted lights keep the mean.
 fn assert_counts_once(
     cases: impl Iterator<Item = (&'static str, &'static str, Material, bool)>,
     samples: u32,
@@ -162,7 +164,7 @@ fn assert_counts_once(
     }
 }
 
-/// One floor of each kind, over all bodies.
+/// One floor of each kind, over all solids.
 fn some_cases() -> impl Iterator<Item = (&'static str, &'static str, Material, bool)> {
     let each = BODIES.into_iter().enumerate();
     each.map(|(k, what)| {
@@ -172,13 +174,13 @@ fn some_cases() -> impl Iterator<Item = (&'static str, &'static str, Material, b
 }
 
 #[test]
-fn light_behind_refracting_bodies_counts_once() {
+fn light_behind_refracting_solids_is_counted_once() {
     assert_counts_once(some_cases(), 512, 1.5e-2, |options| options);
 }
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn light_behind_refracting_bodies_counts_once_in_all_cases() {
+fn light_behind_refracting_solids_is_counted_once_in_all_cases() {
     let cases = || {
         BODIES.into_iter().flat_map(|what| {
             floors().into_iter().flat_map(move |(on, floor)| {

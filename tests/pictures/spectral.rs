@@ -1,4 +1,4 @@
-//! Pictures by wavelength: against closed forms, and against pictures by red, green and blue where both mean the same.
+//! Spectral rendering against closed forms, and against RGB rendering where both agree.
 
 use crate::support::{camera, gltf_glass, material, options, pbr, quad, sphere, walls};
 use oscura::color::spectral::{Curve, rgb_of};
@@ -50,7 +50,7 @@ pub fn assert_means(what: &str, found: [(f64, f64); 3], truth: [f64; 3], precisi
     }
 }
 
-/// A sphere of a material in an even environment, seen so that it fills the picture.
+/// A sphere of a material in a uniform environment that fills the picture.
 fn in_furnace(light: [f32; 3], of: impl FnOnce(&mut Scene) -> Material) -> Scene {
     let mut scene = Scene { environment: Environment::Constant(light), ..Scene::default() };
     let own = of(&mut scene);
@@ -75,15 +75,15 @@ fn white_stays_white() {
     ];
     for (what, body) in bodies {
         let scene = in_furnace([1.0; 3], |_| body);
-        // Single wavelengths leave dispersive glass, which vary more.
+        // Dispersive glass leaves single wavelengths, which are noisier.
         let precision = if what == "dispersive glass" { 1e-2 } else { 2e-3 };
         assert_means(what, means(&scene, &options(16, 64, 100), true, 8), [1.0; 3], precision);
     }
 }
 
-/// A convex body that scatters ideally has the colour of its albedo in white light, however that is given.
+/// Furnace test: a convex diffuse object has the colour of its albedo in white light, however that is specified.
 #[test]
-fn colours_look_like_themselves() {
+fn spectral_upsampling_round_trips() {
     for color in [[0.8, 0.2, 0.1], [0.05, 0.6, 0.3], [0.9, 0.85, 0.2], [0.02, 0.03, 0.9]] {
         let truth = color.map(f64::from);
         let constant = in_furnace([1.0; 3], |_| Material::lambert("constant", color));
@@ -95,7 +95,7 @@ fn colours_look_like_themselves() {
                 scene.textures.push(Texture::Solid(color));
                 TextureId(scene.textures.len() as u32 - 1)
             };
-            // Two textures that are one: no constant for the compiler, but the same colour.
+            // Two identical textures: not constant for the compiler, but the same colour.
             let (even, odd) = (solid(scene), solid(scene));
             scene.textures.push(Texture::Noise {
                 kind: Default::default(),
@@ -115,13 +115,13 @@ fn colours_look_like_themselves() {
             let slot = ColorSlot::texture(TextureId(scene.textures.len() as u32 - 1));
             Material::new("texture", Model::Lambert { albedo: slot })
         });
-        // The table of spectra is right within 1e-3 on average, up to 1e-2 (bounded by the unit tests of uplifting).
+        // The upsampling table is accurate to 1e-3 on average, up to 1e-2 (bounded by its unit tests).
         assert_means("texture", means(&textured, &options(16, 64, 8), true, 8), truth, 2e-2);
     }
 }
 
 #[test]
-fn measured_spectra_look_as_their_integrals_say() {
+fn measured_spectra_integrate_to_their_colour() {
     let nodes = [(400.0, 0.1), (480.0, 0.9), (530.0, 0.1), (640.0, 0.7)];
     let curve = Arc::new(Curve::reflectance(&nodes));
     let emitter_traits = Arc::new(Curve::black_body(2700.0, 1.0));
@@ -131,7 +131,7 @@ fn measured_spectra_look_as_their_integrals_say() {
     });
     let truth = rgb_of(|nm| curve.at(nm as f32).into());
     assert_means("paint in daylight", means(&scene, &options(16, 64, 8), true, 8), truth, 3e-3);
-    // A sphere within a larger one that emits light.
+    // A sphere inside a larger emissive one.
     let mut scene = Scene { environment: Environment::Black, ..scene };
     scene.textures.push(Texture::Spectrum(emitter_traits.clone()));
     let mut shell = Material::emitter("lamp", [1.0; 3], true);
@@ -142,7 +142,7 @@ fn measured_spectra_look_as_their_integrals_say() {
     assert_means("paint in lamplight", means(&scene, &options(16, 64, 8), true, 8), truth, 4e-3);
 }
 
-/// A room without colours, with all kinds of surfaces.
+/// A grey room with all types of surfaces.
 fn grey_room() -> Scene {
     let mut scene = Scene::default();
     walls(&mut scene, [1.0; 3], |scene, i| {
@@ -167,7 +167,7 @@ fn grey_room() -> Scene {
 }
 
 #[test]
-fn without_colours_both_ways_agree() {
+fn grey_scenes_match_rgb_rendering() {
     let scene = grey_room();
     let options = options(24, 64, 20);
     let ways = [false, true].map(|spectral| means(&scene, &options, spectral, 12));
@@ -179,9 +179,9 @@ fn without_colours_both_ways_agree() {
     }
 }
 
-/// Beer's law, by wavelength: a slab of glass of index 1 leaves the colour that it is reported to.
+/// Beer's law by wavelength: a slab of glass of index 1 has its specified transmission colour.
 #[test]
-fn absorbing_solids_have_the_colour_they_are_given() {
+fn absorbing_solids_have_their_transmission_colour() {
     let color = [0.9, 0.4, 0.15];
     let scene = in_furnace([1.0; 3], |_| {
         let glass = PbrMaterial {
@@ -193,15 +193,15 @@ fn absorbing_solids_have_the_colour_they_are_given() {
         };
         Material::new("glass", Model::Pbr(Box::new(glass)))
     });
-    // Through the middle the way is the sphere's diameter.
+    // Through the centre the path length is the sphere's diameter.
     let mut scene = scene;
     scene.cameras[0].projection = Projection::Orthographic { half_height: 0.005 };
     assert_means("slab", means(&scene, &options(16, 64, 20), true, 8), color.map(f64::from), 3e-3);
 }
 
-/// A thin film on a mirror, seen head-on, against the integral of the Airy formula over all wavelengths.
+/// A thin film on a mirror at normal incidence, against the Airy formula integrated over wavelengths.
 #[test]
-fn thin_films_have_the_colours_of_interference() {
+fn thin_film_interference_agrees_with_airy() {
     let (film_ior, thickness_nm, base) = (1.4f64, 520.0f64, 0.3f64);
     let mut scene = in_furnace([1.0; 3], |_| {
         let mirror = PbrMaterial {
@@ -228,7 +228,7 @@ fn thin_films_have_the_colours_of_interference() {
     assert_means("film", means(&scene, &options(16, 64, 20), true, 8), rgb_of(airy), 3e-3);
 }
 
-/// The direction behind a surface of a normal, from index `from` to `to` (Snell's law).
+/// The direction refracted at a normal, from index `from` to `to` (Snell's law).
 fn refracted(direction: DVec3, normal: DVec3, from: f64, to: f64) -> DVec3 {
     let eta = from / to;
     let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
@@ -240,12 +240,12 @@ fn refracted(direction: DVec3, normal: DVec3, from: f64, to: f64) -> DVec3 {
 const SCREEN: DVec3 = DVec3::new(1.533, 0.19, 0.6155);
 const ALONG: DVec3 = DVec3::new(0.408_45, 0.0, -0.912_78);
 
-/// The scene of the prism with a narrow beam of one wavelength, and a camera that sees only the screen.
+/// The prism scene with a narrow beam of one wavelength, and a camera that sees only the screen.
 fn prism(nm: f64) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/prism.toml");
     let mut scene = oscura::load::load(&path, &Default::default()).expect("the scene loads").scene;
     scene.environment = Environment::Black;
-    // What the floor throws onto the screen moves the middle of blue light by 1.7 mm (+- 0.3).
+    // Light from the floor onto the screen moves the centroid of blue by 1.7 mm (+- 0.3).
     for floor in scene.materials.iter_mut().filter(|m| m.name == "floor") {
         floor.model = Model::Lambert { albedo: ColorSlot::constant([0.0; 3]) };
     }
@@ -265,7 +265,7 @@ fn prism(nm: f64) -> Scene {
     scene
 }
 
-/// Where on the screen the light is in the middle, metres from its middle along it.
+/// Centroid of the light on the screen, in metres from its centre.
 fn centroid(scene: &Scene, options: &RenderOptions) -> f64 {
     let size = f64::from(options.width);
     let half = 0.8 * 20f64.to_radians().tan();
@@ -281,7 +281,7 @@ fn centroid(scene: &Scene, options: &RenderOptions) -> f64 {
 }
 
 #[test]
-fn prisms_bend_each_wavelength_by_snells_law() {
+fn prism_disperses_by_snells_law() {
     let index = |nm: f64| {
         let inverse_square = |nm: f64| 1e6 / (nm * nm);
         let b = 0.62 / 20.0 / (inverse_square(486.1) - inverse_square(656.3));
@@ -303,20 +303,20 @@ fn prisms_bend_each_wavelength_by_snells_law() {
         let exit = hit(entry, within, edges[0], second);
         let out = refracted(within, second, index(nm), 1.0);
         let place = (hit(exit, out, SCREEN, ALONG.cross(DVec3::Y)) - SCREEN).dot(ALONG);
-        // Few of a lamp's paths have one of so few wavelengths, and those that are tried must be among them. Means of many pictures are
-        // off by -0.29 +- 0.18, -0.24 +- 0.15, 0.00 +- 0.18 and 0.02 +- 0.41 mm, of which the beam's width makes -0.2 to -0.1.
+        // Few light paths have a wavelength in so narrow a band. Means of many pictures are off by -0.29 +- 0.18, -0.24 +-
+        // 0.15, 0.00 +- 0.18 and 0.02 +- 0.41 mm, of which the beam's width makes -0.2 to -0.1.
         let found = centroid(&prism(nm), &options(256, 32, 8).caustics(Caustics::On));
         println!("{nm} nm: {found:.4} m, by Snell's law {place:.4} m");
         assert!((found - place).abs() < 2e-3, "{nm} nm: {found} {place}");
         places.push(place);
     }
-    // Blue is bent most, and the test could tell: some centimetres lie between the lines.
+    // Blue is refracted most, and the lines are centimetres apart.
     assert!(places.windows(2).all(|p| (p[0] - p[1]).abs() > 0.01), "{places:?}");
 }
 
-/// The same picture whatever the threads and the CPU.
+/// The same picture at any number of threads and CPU level.
 #[test]
-fn pictures_by_wavelength_are_the_same_everywhere() {
+fn spectral_rendering_is_deterministic() {
     let scene = prism(520.0);
     let options = options(24, 16, 8);
     let bits = |threads| {

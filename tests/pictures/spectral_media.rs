@@ -1,4 +1,4 @@
-//! Coloured media by wavelength: against closed forms, and against pictures of one wavelength after another.
+//! Spectral rendering of coloured media: against closed forms, and against monochromatic pictures.
 
 use crate::spectral::{assert_means, means};
 use crate::support::{camera, material, options, quad, sphere};
@@ -11,7 +11,7 @@ use oscura::scene::{
 };
 use std::sync::Arc;
 
-/// The value of a colour's smooth spectrum at a wavelength.
+/// The value of an upsampled spectrum at a wavelength.
 fn at(spectrum: &Spectrum, nm: f64) -> f64 {
     match spectrum {
         Spectrum::Grey(value) => f64::from(*value),
@@ -20,7 +20,7 @@ fn at(spectrum: &Spectrum, nm: f64) -> f64 {
     }
 }
 
-/// Of coefficients, which have no upper end.
+/// For coefficients, which are unbounded.
 fn coefficient(rgb: [f32; 3]) -> impl Fn(f64) -> f64 {
     let spectrum = Spectrum::of_light(Rgb::from_array(rgb));
     move |nm| at(&spectrum, nm)
@@ -31,7 +31,7 @@ fn share(rgb: [f32; 3]) -> impl Fn(f64) -> f64 {
     move |nm| at(&spectrum, nm).min(1.0)
 }
 
-/// A ball of radius 1 of a medium in an even environment, seen through its middle or whole.
+/// A sphere of radius 1 of a medium in a uniform environment, seen through its centre or whole.
 fn ball(medium: Medium, environment: f32, half_height: f64) -> Scene {
     let mut scene = Scene { environment: Environment::Constant([environment; 3]), ..Scene::default() };
     let own = Material { medium: Some(medium), ..Material::new("own", Model::Boundary {}) };
@@ -45,9 +45,9 @@ fn ball(medium: Medium, environment: f32, half_height: f64) -> Scene {
 
 const DENSE: [f32; 3] = [0.4, 1.5, 4.0];
 
-/// What absorbs nothing takes no colour from white light, however differently it scatters its wavelengths.
+/// White furnace: media without absorption are white, however scattering varies by wavelength.
 #[test]
-fn white_stays_white_in_coloured_media() {
+fn coloured_scattering_in_a_white_furnace() {
     let colored = Medium { anisotropy: 0.4, ..Medium::scattering(DENSE) };
     let scene = ball(colored, 1.0, 0.9);
     assert_means("ball", means(&scene, &options(16, 256, 200), true, 8), [1.0; 3], 4e-3);
@@ -57,9 +57,9 @@ fn white_stays_white_in_coloured_media() {
     assert_means("fog", means(&foggy, &options(16, 256, 200), true, 8), [1.0; 3], 4e-3);
 }
 
-/// Light that a medium emits and absorbs again, by wavelength.
+/// Emission with self-absorption, by wavelength.
 #[test]
-fn shining_media_have_the_colour_of_their_integral() {
+fn emissive_media_integrate_over_wavelengths() {
     let emission = [0.5, 0.2, 0.05];
     for albedo in [0.0, 1e-6] {
         let emissive = Medium { albedo: [albedo; 3], emission, ..Medium::scattering(DENSE) };
@@ -69,7 +69,7 @@ fn shining_media_have_the_colour_of_their_integral() {
         let what = format!("albedo {albedo}");
         assert_means(&what, means(&scene, &options(16, 128, 20), true, 8), truth, 4e-3);
     }
-    // On a grid of two voxels, between whose middles densities go from 1 to 3.
+    // A grid of two voxels, with densities from 1 to 3 between their centres.
     let mut scene = ball(Medium::scattering([1.0; 3]), 0.0, 1e-3);
     let (name, min, max) = (String::new(), DVec3::splat(-1.0), DVec3::splat(1.0));
     let values = Arc::new(vec![1.0, 3.0]);
@@ -97,7 +97,7 @@ fn shining_media_have_the_colour_of_their_integral() {
     assert_means("grid", means(&scene, &options(16, 128, 20), true, 8), truth, 4e-3);
 }
 
-/// What many grey pictures, each of the coefficients of a wavelength, look like together, with the standard error of the sum.
+/// The integral over many monochromatic grey pictures with the coefficients at each wavelength, with its standard error.
 fn integrated(of: impl Fn(f64) -> (f64, f64)) -> ([f64; 3], f64) {
     let nodes: Vec<(f64, f64)> = (0..=20).map(|k| of(380.0 + 20.0 * f64::from(k))).collect();
     println!("{nodes:.4?}");
@@ -109,9 +109,9 @@ fn integrated(of: impl Fn(f64) -> (f64, f64)) -> ([f64; 3], f64) {
     (rgb_of(between), nodes.iter().map(|n| n.1).fold(0.0, f64::max))
 }
 
-/// A picture by wavelength is the integral of pictures of one wavelength after another: grey media of the coefficients there.
+/// Spectral rendering equals the integral of monochromatic pictures: grey media with the coefficients at each wavelength.
 #[test]
-fn pictures_are_the_integral_of_those_of_each_wavelength() {
+fn spectral_media_match_integrated_monochromatic_pictures() {
     let albedo = [0.95, 0.7, 0.3];
     let scene = |extinction: [f32; 3], albedo: [f32; 3]| {
         let mut scene = ball(Medium { albedo, anisotropy: 0.3, ..Medium::scattering(extinction) }, 0.0, 0.9);
@@ -132,9 +132,9 @@ fn pictures_are_the_integral_of_those_of_each_wavelength() {
     }
 }
 
-/// Grey media are the same both ways, and a body of subsurface scattering has about the colour that it was made for.
+/// Grey media match RGB rendering, and a subsurface solid has about its specified albedo.
 #[test]
-fn bodies_keep_their_colour() {
+fn subsurface_keeps_its_albedo() {
     let scene = |medium: Medium, color: [f32; 3]| {
         let mut scene = ball(medium, 1.0, 0.7);
         let pbr = PbrMaterial {

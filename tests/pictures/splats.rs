@@ -1,4 +1,4 @@
-//! Gaussian splats against closed forms: their opacity, their order, their colours by direction, their shadows and light.
+//! Gaussian splats against closed forms: opacity, order, view-dependent colour, shadows and illumination.
 
 use crate::support::{assert_radiance, camera, disk, floor, material, options, picture, quad};
 use oscura::film::Film;
@@ -31,7 +31,7 @@ fn of_color(color: f32) -> f16 {
     f16::from_f32((color - 0.5) / Y00)
 }
 
-/// The colour as it is rounded.
+/// The colour after quantisation.
 fn kept(color: f32) -> f64 {
     f64::from(of_color(color).to_f32() * Y00 + 0.5)
 }
@@ -65,7 +65,7 @@ fn add(scene: &mut Scene, balls: &[Ball]) {
     place(scene, balls.iter().map(|b| b.center).collect(), splats(balls), DAffine3::IDENTITY);
 }
 
-/// Parallel rays about one line, through `at` from `from`.
+/// Orthographic rays around one line, through `at` from `from`.
 fn ray(from: DVec3, at: DVec3) -> oscura::scene::Camera {
     let up = if (from - at).normalize().y.abs() > 0.9 { DVec3::Z } else { DVec3::Y };
     let mut view = camera(from, at, up, 1.0);
@@ -73,7 +73,7 @@ fn ray(from: DVec3, at: DVec3) -> oscura::scene::Camera {
     view
 }
 
-/// What a ray finds of a splat: where it is most opaque, and how opaque.
+/// The peak of a splat's opacity along a ray: position and opacity.
 fn peak(ball: &Ball, origin: DVec3, direction: DVec3) -> (f64, f64) {
     let local = |v: DVec3| (ball.rotation.inverse() * v) / DVec3::from(ball.scales.map(f64::from));
     let (p, w) = (local(origin - DVec3::from(ball.center.map(f64::from))), local(direction));
@@ -81,7 +81,7 @@ fn peak(ball: &Ball, origin: DVec3, direction: DVec3) -> (f64, f64) {
     (t, f64::from(ball.opacity) * (-0.5 * (p + w * t).length_squared()).exp())
 }
 
-/// Compositing in order along a ray, over a background.
+/// Front-to-back compositing along a ray, over a background.
 fn composite(balls: &[Ball], origin: DVec3, direction: DVec3, background: f64) -> f64 {
     let mut found: Vec<(f64, f64, f64)> = balls
         .iter()
@@ -97,7 +97,7 @@ fn composite(balls: &[Ball], origin: DVec3, direction: DVec3, background: f64) -
     sum + left * background
 }
 
-/// With a diffuse material a splat scatters light by its colour: in surroundings of radiance 1 it has the radiance of its albedo.
+/// With a diffuse material splats are lit: in a furnace of radiance 1 they have the radiance of their albedo.
 #[test]
 fn splats_of_a_diffuse_material_are_lit_by_the_scene() {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
@@ -132,9 +132,9 @@ fn one_splat_has_the_profile_of_a_gaussian() {
     }
 }
 
-/// The share of rays that meet nothing is transparent.
+/// Alpha is the opacity of the splats.
 #[test]
-fn alpha_is_what_a_splat_covers() {
+fn alpha_is_the_opacity_of_splats() {
     let mut scene = Scene::default();
     scene.environment_visible_to = oscura::scene::RayKinds::NONE;
     add(&mut scene, &[BALL]);
@@ -190,7 +190,7 @@ fn many(count: usize) -> Vec<Ball> {
         .collect()
 }
 
-/// A tree over many splats finds what sorting all of them along a ray does.
+/// BVH traversal of many splats matches compositing in sorted order.
 #[test]
 fn many_splats_are_composited_in_order() {
     let balls = many(600);
@@ -251,9 +251,9 @@ fn with_harmonics() -> Splats {
     }
 }
 
-/// An opaque splat is seen in the colour of the direction in its own space, wherever it is turned.
+/// An opaque splat shows the colour for the direction in object space, under any rotation.
 #[test]
-fn harmonics_turn_with_the_object() {
+fn harmonics_rotate_with_the_object() {
     let mut state = 8;
     let mut seen = Vec::new();
     for k in 0..10 {
@@ -279,7 +279,7 @@ fn mirror(reflectance: f32) -> Model {
     Model::SchlickMetal { color, roughness: FloatSlot::constant(0.0) }
 }
 
-/// In a mirror it has the colour of the direction behind the mirror.
+/// In a mirror it has the colour for the reflected direction.
 #[test]
 fn a_mirror_shows_the_colour_of_the_reflected_direction() {
     let mut scene = Scene::default();
@@ -293,9 +293,9 @@ fn a_mirror_shows_the_colour_of_the_reflected_direction() {
     assert_radiance("mirror", &scene, &options(8, 64, 4), color_along(reflected), 1e-3);
 }
 
-/// A dark splat takes its opacity of a lamp's light, and a second one its own of the rest.
+/// A dark splat attenuates light by its opacity, and a second one the rest.
 #[test]
-fn shadows_are_as_dark_as_splats_are_opaque() {
+fn shadows_follow_opacity() {
     let dark = Ball { center: [0.25, 4.0, 0.0], color: 0.0, ..BALL };
     let other = Ball { center: [0.0, 5.0, 0.1], color: 0.0, opacity: 0.5, ..BALL };
     let left = |balls: &[Ball]| balls.iter().map(|b| 1.0 - peak(b, DVec3::ZERO, DVec3::Y).1).product::<f64>();
@@ -307,10 +307,10 @@ fn shadows_are_as_dark_as_splats_are_opaque() {
     }
 }
 
-/// Irradiance below a splat, by the closed form: with all rays from a point at the height h the square of their distance from the
-/// middle is (h sin)^2, so that E = 2 pi c o s^2 / h^2 (1 - 1 / (255 o)) of a splat of standard deviation s.
+/// Irradiance below a splat in closed form: the squared distance from the centre of rays from a point at the height h is (h
+/// sin)^2, so that E = 2 pi c o s^2 / h^2 (1 - 1 / (255 o)) for a splat of standard deviation s.
 #[test]
-fn splats_light_what_is_around_them() {
+fn splats_illuminate_surfaces() {
     let glowing = Ball { center: [0.0, 1.0, 0.0], scales: [0.1; 3], opacity: 0.9, color: 3.0, ..BALL };
     let mut scene = floor(Material::lambert("white", [0.8; 3]));
     add(&mut scene, &[glowing]);
@@ -319,9 +319,9 @@ fn splats_light_what_is_around_them() {
     assert_radiance("light of a splat", &scene, &options(16, 1024, 1), 0.8 / PI * irradiance, 1e-2);
 }
 
-/// A splat that crosses the line of sight is as opaque there as it is on average.
+/// A splat that crosses the ray has its opacity averaged over time.
 #[test]
-fn moving_splats_are_blurred() {
+fn splats_have_motion_blur() {
     let mut scene = Scene { environment: Environment::Constant([0.0; 3]), ..Scene::default() };
     let ball = Ball { color: 1.0, scales: [0.2; 3], ..BALL };
     add(&mut scene, &[ball]);
@@ -340,7 +340,7 @@ fn moving_splats_are_blurred() {
     assert_radiance("moving", &scene, &options(16, 512, 2), truth, 1e-2);
 }
 
-/// Rows of a picture of many splats with a floor, a lamp and a mirror.
+/// Rows of a picture of many splats with a floor, a light and a mirror.
 pub fn busy() -> Scene {
     let mut scene = floor(Material::lambert("white", [0.7; 3]));
     add(&mut scene, &many(300));
@@ -354,7 +354,7 @@ pub fn busy() -> Scene {
 }
 
 #[test]
-fn splats_are_the_same_at_any_number_of_threads() {
+fn splats_are_deterministic() {
     let scene = busy();
     let bits = |film: Film| film.rgba().iter().flatten().map(|x| x.to_bits()).collect::<Vec<u32>>();
     let with = |threads: usize| {
@@ -363,9 +363,9 @@ fn splats_are_the_same_at_any_number_of_threads() {
     assert_eq!(with(1), with(2));
 }
 
-/// Turning the world with the camera changes nothing but noise.
+/// Rotating world and camera together changes nothing but noise.
 #[test]
-fn placed_splats_look_as_those_in_place() {
+fn instanced_splats_match_untransformed_ones() {
     let (mut plain, mut turned) = (busy(), busy());
     let turn = DAffine3::from_mat3_translation(DMat3::from_rotation_y(2.2), DVec3::new(10.0, 3.0, -7.0));
     turned.instances[0].world_from_object = turn;

@@ -1,5 +1,4 @@
-//! Several paths from the first surface of each sample: the same expected picture, less noise, the same bits whatever the
-//! machine.
+//! Path splitting at the first hit: the same expected value, less noise, deterministic.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, noise};
 use crate::support::{
@@ -13,7 +12,7 @@ fn metal(roughness: f32) -> Material {
     pbr("metal", [0.9, 0.8, 0.7], 1.0, roughness)
 }
 
-/// A floor under an even sky with things of all classes of surfaces on it, and a lamp.
+/// A floor under a uniform sky with objects of all vertex classes, and an area light.
 fn yard() -> Scene {
     let mut scene = Scene { environment: Environment::Constant([0.5, 0.6, 0.8]), ..Scene::default() };
     let floor = material(&mut scene, metal(0.4));
@@ -32,14 +31,14 @@ fn yard() -> Scene {
     scene
 }
 
-/// Nothing but splitting differs.
+/// Options that differ in splitting only.
 fn plain(options: RenderOptions) -> RenderOptions {
     options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
 }
 
 #[test]
 #[ignore = "means of many pictures, which take long"]
-fn splitting_changes_no_mean() {
+fn splitting_keeps_the_mean() {
     let scene = yard();
     for (depth, branches) in [(100, 4), (1, 2), (2, 8), (3, 16)] {
         let options = plain(options(40, 64, depth));
@@ -48,9 +47,9 @@ fn splitting_changes_no_mean() {
     }
 }
 
-/// In a closed box that emits e and reflects p everywhere, L = e + p L, split or not.
+/// In a closed box of emission e and albedo p, L = e + p L, with and without splitting.
 #[test]
-fn a_closed_box_has_its_closed_form() {
+fn closed_emitting_box() {
     for branches in [2, 8] {
         let mut scene = Scene::default();
         let albedo = 0.6f32;
@@ -67,17 +66,16 @@ fn a_closed_box_has_its_closed_form() {
 }
 
 #[test]
-fn splitting_lowers_the_noise_of_what_follows() {
+fn splitting_reduces_indirect_noise() {
     let (scene, options) = (yard(), plain(options(64, 8, 100)));
     let [one, eight] = [1, 8].map(|n| noise(&scene, &options.splitting(Splitting::Into(n))));
     println!("variance / {:.2}", one / eight);
     assert!(one > 2.0 * eight, "{one} {eight}");
 }
 
-/// In the penumbra of a small lamp, which scattered paths seldom hit, all noise is that of the light samples: one for four
-/// paths.
+/// In the penumbra of a small light, which BSDF samples seldom hit, all noise is that of the light samples: one for four paths.
 #[test]
-fn many_paths_take_further_light_samples() {
+fn split_paths_add_light_samples() {
     let mut scene = Scene::default();
     let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
     quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], chalk);
@@ -92,14 +90,14 @@ fn many_paths_take_further_light_samples() {
     assert!(sixteen > 0.0 && four > 2.5 * sixteen, "{four} {sixteen}");
 }
 
-/// Paths find an even sky as well as light samples do, which stay one; a lamp beside it changes that.
+/// BSDF samples find a uniform sky as well as light samples do, which stay one; an area light changes that.
 #[test]
-fn an_even_sky_takes_one_light_sample() {
+fn uniform_sky_uses_one_light_sample() {
     let mut scene = Scene { environment: Environment::Constant([0.5; 3]), ..Scene::default() };
     let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
     quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], chalk);
     scene.cameras.push(camera(DVec3::new(0.0, 1.0, 0.0), DVec3::ZERO, DVec3::Z, 20.0));
-    // Rays of twelve further paths, over those of two.
+    // Rays of twelve additional paths, over those of two.
     let further = |scene: &Scene| {
         let [two, four, sixteen] = [2, 4, 16].map(|branches| {
             let mut rendering =
@@ -119,7 +117,7 @@ fn an_even_sky_takes_one_light_sample() {
 }
 
 #[test]
-fn threads_and_cpu_levels_agree() {
+fn splitting_is_deterministic() {
     let scene = yard();
     for splitting in [Splitting::Auto, Splitting::Into(4), Splitting::Into(16)] {
         let options = options(100, 4, 100).splitting(splitting);
@@ -127,7 +125,7 @@ fn threads_and_cpu_levels_agree() {
     }
 }
 
-/// A floor with three balls of rough metal that throw a lamp's light onto it.
+/// A floor with three rough metal spheres that reflect a light onto it.
 fn metal_balls() -> Scene {
     let mut scene = Scene { environment: Environment::Constant([0.1; 3]), ..Scene::default() };
     let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
@@ -142,9 +140,9 @@ fn metal_balls() -> Scene {
     scene
 }
 
-/// What squares of the first pass tried goes into the picture only if it is hardly noisier than what all others do.
+/// Results of pilot tiles are kept only if they are hardly noisier than those of the chosen technique.
 #[test]
-fn squares_that_tried_something_noisier_are_taken_again() {
+fn noisy_pilot_tiles_are_rendered_again() {
     let scene = metal_balls();
     let options = options(256, 8, 100);
     let mut found = rendering(&scene, &options);
@@ -159,14 +157,14 @@ fn squares_that_tried_something_noisier_are_taken_again() {
     let is_other = |x: u32, y: u32| found.film().mean_rgba(x, y) != given.film().mean_rgba(x, y);
     let pixels = |s: u32| (0..1024).map(move |i| (s % 8 * 32 + i % 32, s / 8 * 32 + i / 32));
     let others = (0..64).filter(|&s| pixels(s).any(|(x, y)| is_other(x, y))).count();
-    // Six tried splitting, into four; nine or more tried sharing, which gains nothing here.
+    // Six tried splitting into four; nine or more tried path sharing, which gains nothing here.
     println!("{branches} branches, {others} squares are not as the others");
     assert!(others <= 6, "{others}");
 }
 
-/// A pilot splits where noise comes from behind the first surface, and not where nothing lies there.
+/// The pilot splits where noise comes from beyond the first hit, and not where nothing lies there.
 #[test]
-fn a_pilot_decides() {
+fn pilot_chooses_splitting() {
     let branches = |scene: &Scene| {
         let mut rendering = rendering(scene, &options(256, 8, 100).path_reuse(PathReuse::Off));
         rendering.run();

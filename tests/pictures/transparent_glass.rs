@@ -1,4 +1,4 @@
-//! Glass that is transparent in the picture: alpha against closed forms, and pictures laid over what was left out.
+//! Transparent glass (film transparency): alpha against closed forms, and composites over the removed environment.
 
 use crate::support::{camera, gltf_glass, material, options, picture, quad, sphere};
 use oscura::film::Film;
@@ -8,7 +8,7 @@ use oscura::scene::{
     ColorSlot, Environment, Light, LightKind, Material, MaterialId, Model, PbrMaterial, RayKinds, Scene,
 };
 
-/// Clear glass, solid or thin; `color` tints thin sheets, and is what a metre of a solid leaves.
+/// Clear glass, solid or thin; `color` tints thin sheets, and is the transmittance per metre of a solid.
 fn glass(scene: &mut Scene, color: [f32; 3], is_solid: bool, roughness: f32) -> MaterialId {
     let pbr = PbrMaterial {
         base_color: ColorSlot::constant(if is_solid { [1.0; 3] } else { color }),
@@ -53,11 +53,11 @@ fn assert_alpha(what: &str, scene: &Scene, options: &RenderOptions, truth: f64) 
     assert!((mean - truth).abs() <= 4.5 * error + 1e-5, "{what}: {mean} +- {error}, not {truth}");
 }
 
-/// Of what falls straight on a face of index 1.5, 4 % is reflected; a sheet reflects 2 R / (1 + R) in all.
+/// The reflectance of a face of index 1.5 at normal incidence is 4 %; a thin sheet reflects 2 R / (1 + R) in total.
 const R: f64 = 0.04;
 
 #[test]
-fn alpha_is_what_glass_does_not_let_pass() {
+fn alpha_is_one_minus_transmittance() {
     let color = [0.9, 0.6, 0.3];
     let mean = 0.6;
     let mut scene = sky([1.0; 3], false);
@@ -67,14 +67,14 @@ fn alpha_is_what_glass_does_not_let_pass() {
     let passes = 1.0 - 2.0 * R / (1.0 + R);
     assert_alpha("a pane", &scene, &clear(16, 64, 10), 1.0 - passes * mean);
 
-    // From within a ball of glass, half a metre of which is in the way: radiance is larger there, but no more passes.
+    // From inside a glass sphere, through half a metre of it: radiance is scaled, but not the transmittance.
     let mut scene = sky([1.0; 3], false);
     let solid = glass(&mut scene, [0.64; 3], true, 0.0);
     sphere(&mut scene, [0.0, 0.0, 6.0], 0.5, solid);
     look(&mut scene, 1e-3);
     assert_alpha("from within", &scene, &clear(16, 256, 100), 1.0 - (1.0 - R) * 0.8);
 
-    // Straight through the middle of a ball of 2 m: what is reflected inside counts as seen.
+    // Straight through the centre of a sphere of 2 m: internal reflections count as opaque.
     let mut scene = sky([1.0; 3], false);
     let solid = glass(&mut scene, color, true, 0.0);
     sphere(&mut scene, [0.0; 3], 1.0, solid);
@@ -82,7 +82,7 @@ fn alpha_is_what_glass_does_not_let_pass() {
     let left = (0.81 + 0.36 + 0.09) / 3.0;
     assert_alpha("a ball", &scene, &clear(16, 256, 100), 1.0 - (1.0 - R).powi(2) * left);
 
-    // Two panes, one behind the other: what goes to and fro between them is reflected.
+    // Two panes, one behind the other: inter-reflections count as reflected.
     let mut scene = sky([1.0; 3], false);
     let pane = glass(&mut scene, [1.0; 3], false, 0.0);
     for z in [0.0, 0.5] {
@@ -92,10 +92,10 @@ fn alpha_is_what_glass_does_not_let_pass() {
     assert_alpha("two panes", &scene, &clear(16, 256, 100), 1.0 - passes * passes);
 }
 
-/// Laid over the environment that was left out, it is the picture with it; sample by sample, so to rounding. Tinted glass has
-/// one alpha for three colours: their mean is right.
+/// Composited over the removed environment it equals the picture with it; sample by sample, up to rounding. Tinted glass has one
+/// alpha for three channels: their mean is right.
 #[test]
-fn laid_over_the_sky_it_is_the_picture_with_it() {
+fn composite_over_the_sky_matches_the_render() {
     const SKY: f32 = 0.7;
     let of = |is_seen: bool, color: [f32; 3]| {
         let mut scene = sky([SKY; 3], is_seen);
@@ -131,10 +131,10 @@ fn laid_over_the_sky_it_is_the_picture_with_it() {
     }
 }
 
-/// What isn't asked for changes nothing; what glass shows of other things, and of reflections, is opaque; frosted glass is too,
-/// and suns are not seen through glass.
+/// By default nothing changes; reflections and other objects seen in glass are opaque; so is frosted glass, and suns are not
+/// seen through transparent glass.
 #[test]
-fn the_rest_is_opaque() {
+fn everything_else_is_opaque() {
     let with = |roughness: f32, behind: bool| {
         let mut scene = sky([0.5; 3], false);
         let pane = glass(&mut scene, [1.0; 3], false, roughness);
@@ -165,7 +165,7 @@ fn the_rest_is_opaque() {
 }
 
 #[test]
-fn sums_of_alpha_depend_on_no_order() {
+fn alpha_is_independent_of_sample_order() {
     let mut scene = sky([0.5; 3], false);
     let solid = glass(&mut scene, [0.9, 0.6, 0.3], true, 0.0);
     sphere(&mut scene, [0.0; 3], 1.0, solid);
@@ -174,7 +174,7 @@ fn sums_of_alpha_depend_on_no_order() {
     let of = |threads| in_pool(Some(threads), || picture(&scene, &options).rgba()).expect("threads");
     let one = of(1);
     assert_eq!(one, of(3));
-    // Samples that come in any order have the same sum.
+    // Samples accumulated in any order have the same sum.
     let mut whole = picture(&scene, &clear(24, 8, 20).planned(16).sample_range((0, 8)));
     let rest = picture(&scene, &clear(24, 16, 20).sample_range((8, 16)));
     let mut other = rest.clone();

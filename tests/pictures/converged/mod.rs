@@ -1,5 +1,5 @@
-//! The program against its own converged pictures, which `tests/references/` holds: whoever changes how samples are drawn
-//! sees whether the picture is still the same one. `tools/references` makes them anew where pictures are meant to change.
+//! Renders against own converged references in `tests/references/`: changes of sampling must not change the expected value.
+//! `tools/references` regenerates them where pictures are meant to change.
 
 pub mod scenes;
 
@@ -36,7 +36,8 @@ fn render(scene: &Converged, seed: &str, more: &[&str]) -> String {
     path
 }
 
-/// Does `compare` find that two pictures agree with a reference? Says what it found; the difference lies beside the first.
+/// Whether `compare` accepts two pictures against a reference, with its report; the difference image is written next to the
+/// first.
 fn agrees(scene: &Converged, a: &str, b: &str) -> (bool, String) {
     let (means, variances) = (reference(scene.name, "ref"), reference(scene.name, "var"));
     let picture = a.replace(".exr", ".png");
@@ -52,7 +53,7 @@ fn agrees(scene: &Converged, a: &str, b: &str) -> (bool, String) {
 }
 
 #[test]
-fn pictures_agree_with_their_converged_ones() {
+fn pictures_agree_with_converged_references() {
     let mut wrong = Vec::new();
     for scene in SCENES {
         assert!(
@@ -69,7 +70,7 @@ fn pictures_agree_with_their_converged_ones() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// The test can tell: light that ends after eight bounces is missed.
+/// Negative test: light lost after eight bounces is detected.
 #[test]
 fn a_picture_with_less_light_disagrees() {
     let more = ["--depth", "8"];
@@ -78,10 +79,9 @@ fn a_picture_with_less_light_disagrees() {
     assert!(!agrees, "{messages}");
 }
 
-/// The scale is not only our own: the reference of the Cornell box is that of another renderer, means within 4 standard
-/// errors, which are below 0.1 %.
+/// An independent reference: the Cornell box of another renderer, means within 4 standard errors, which are below 0.1 %.
 #[test]
-fn the_converged_cornell_box_is_that_of_another_renderer() {
+fn converged_cornell_box_agrees_with_another_renderer() {
     let (Some(theirs), Some(variances)) = (
         super::references::reference("S1_cornell.ref.exr"),
         super::references::reference("S1_cornell.var.exr"),

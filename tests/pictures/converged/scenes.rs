@@ -1,6 +1,6 @@
 //! The scenes of `tests/references/`, and how their pictures are made; `tools/references` reads this file, too.
 
-/// A scene of which there is a converged picture.
+/// A scene with a converged reference.
 pub struct Converged {
     /// Of its files: `NAME.ref.exr` and `NAME.var.exr`.
     pub name: &'static str,
@@ -14,8 +14,8 @@ pub struct Converged {
 pub const COMMON: &[&str] =
     &["--width", "64", "--height", "64", "--filter", "box", "--float", "--quiet", "--path-reuse", "off"];
 
-/// Diffuse light to many bounces, glass, rough metal between lamps, an image as the environment, textures, hundreds of lights.
-/// No strong caustics: their noise, rare and bright, tells nothing at this size.
+/// Diffuse interreflection, glass, rough metal between lights, an image environment, textures, hundreds of lights. No strong
+/// caustics: their fireflies are uninformative at this size.
 pub const SCENES: &[Converged] = &[
     Converged {
         name: "cornell",

@@ -1,4 +1,4 @@
-//! How the pictures of two ways to render one scene differ.
+//! Differences between the pictures of two techniques for one scene.
 
 use super::{compiled, picture, shot};
 use oscura::film::Film;
@@ -35,7 +35,7 @@ pub fn noise(scene: &Scene, options: &RenderOptions) -> f64 {
     a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64
 }
 
-/// Means of square blocks, by channel.
+/// Means of square blocks, per channel.
 fn blocks(film: &Film) -> Vec<f64> {
     let (columns, rows) = (film.width() / BLOCK, film.height() / BLOCK);
     let mut sums = vec![0.0; (3 * columns * rows) as usize];
@@ -48,7 +48,7 @@ fn blocks(film: &Film) -> Vec<f64> {
     sums
 }
 
-/// How two kinds of pictures differ, over independent seeds.
+/// How pictures of two techniques differ, over independent seeds.
 pub struct Difference {
     /// Of each block: the mean difference, and its standard error.
     pub blocks: Vec<(f64, f64)>,
@@ -56,7 +56,7 @@ pub struct Difference {
     pub whole: (f64, f64),
 }
 
-/// Pictures of the second way less those of the first, seed by seed: where both trace the same paths, the differences are
+/// Pictures of the second technique minus those of the first, seed by seed: where both trace the same paths, the differences are
 /// smaller than the noise of either. Sizes are multiples of 8.
 pub fn differences(scene: &Scene, ways: [&RenderOptions; 2], seeds: u32) -> Difference {
     let compiled = compiled(scene);
@@ -80,8 +80,7 @@ pub fn differences(scene: &Scene, ways: [&RenderOptions; 2], seeds: u32) -> Diff
     Difference { blocks: (0..off[0].len()).map(of_block).collect(), whole: mean_and_error(&whole) }
 }
 
-/// Asserts that blocks of both pictures have the same means: differences are as large as their standard errors say. With
-/// 16 seeds.
+/// Asserts that blocks of both pictures have the same means: differences match their standard errors. With 16 seeds.
 pub fn assert_same_means(what: &str, scene: &Scene, ways: [&RenderOptions; 2], seeds: u32) {
     let found = differences(scene, ways, seeds);
     let z: Vec<f64> = found.blocks.iter().map(|(d, error)| d / error.max(1e-9)).collect();
@@ -92,7 +91,7 @@ pub fn assert_same_means(what: &str, scene: &Scene, ways: [&RenderOptions; 2], s
     // Student's t with 15 degrees of freedom has a deviation of 1.07; there are some hundred values.
     assert!(rms < 1.4, "{what}: z rms {rms}");
     assert!(worst < 5.5, "{what}: worst z {worst}");
-    // Ways that find the same paths differ by the rounding of single precision alone, which is no noise.
+    // Techniques that sample the same paths differ by single-precision rounding only, which is no noise.
     let rounded = error.max(1e-8);
     assert!(mean.abs() < 4.5 * rounded && error < 1e-3, "{what}: {mean} +- {error}");
 }

@@ -34,7 +34,7 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
         .filter(Filter::Box)
 }
 
-/// A floor of a material, seen at one spot: its origin.
+/// A floor of a material, seen at one point: its origin.
 pub fn floor(of: Material) -> Scene {
     let mut scene = Scene::default();
     let ground = material(&mut scene, of);
@@ -43,7 +43,7 @@ pub fn floor(of: Material) -> Scene {
     scene
 }
 
-/// That of 80 % grey.
+/// A floor of albedo 0.8.
 pub fn grey_floor() -> Scene {
     floor(Material::lambert("grey", [0.8; 3]))
 }
@@ -53,7 +53,7 @@ pub fn compiled(scene: &Scene) -> Arc<CompiledScene> {
     Arc::new(compile(scene, &CompileOptions::default()).expect("the scene compiles").0)
 }
 
-/// Compiles a scene and is about to take its first pass.
+/// Compiles a scene and prepares its first pass.
 pub fn rendering(scene: &Scene, options: &RenderOptions) -> Rendering {
     Rendering::new(compiled(scene), &scene.cameras[0], *options).expect("the film fits")
 }
@@ -92,9 +92,9 @@ pub fn measure(scene: &Scene, options: &RenderOptions) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
-/// Asserts that a measured radiance agrees with the truth: within 4.5 standard errors of a mean of 12 (a chance of
-/// about 1e-3 for Student's t with 11 degrees of freedom; seeds are fixed) and f32's rounding. The error itself must be
-/// below `precision`, so that the test can tell.
+/// Asserts that a measured radiance agrees with the reference: within 4.5 standard errors of a mean of 12 (a chance of about
+/// 1e-3 for Student's t with 11 degrees of freedom; seeds are fixed) and f32's rounding. The standard error itself must be below
+/// `precision`, which makes the test sensitive.
 pub fn assert_radiance(what: &str, scene: &Scene, options: &RenderOptions, truth: f64, precision: f64) {
     let (mean, error) = measure(scene, options);
     println!("{what}: {mean:.6} +- {error:.6}, truth {truth:.6}");
@@ -111,7 +111,7 @@ pub fn material(scene: &mut Scene, material: Material) -> MaterialId {
     scene.add_material(material)
 }
 
-/// The material of bodies that scatter light within and whose surface lets all of it in and out, diffusely.
+/// A subsurface material with diffuse entry and exit.
 pub fn translucent(scene: &mut Scene, medium: Medium) -> MaterialId {
     let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
     let wax = PbrMaterial {
@@ -141,7 +141,7 @@ pub fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Materi
     Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
-/// White glass of a roughness as in glTF, thin where nothing else is set.
+/// White glass of a glTF roughness, thin by default.
 pub fn gltf_glass(roughness: f32) -> PbrMaterial {
     PbrMaterial {
         metallic: FloatSlot::constant(0.0),
@@ -157,7 +157,7 @@ pub fn dielectric(ior: f32) -> Material {
     Material::new("glass", Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact })
 }
 
-/// The material of a solid of the index of air that tints light by a share, once on its whole way through.
+/// A solid of index 1 that tints light once on its whole way through.
 pub fn tinted_solid(scene: &mut Scene, share: f32) -> MaterialId {
     let pbr = PbrMaterial {
         base_color: ColorSlot::constant([share; 3]),
@@ -169,7 +169,7 @@ pub fn tinted_solid(scene: &mut Scene, share: f32) -> MaterialId {
     material(scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
 }
 
-/// Corners and triangles of a closed box, counter-clockwise seen from outside.
+/// Vertices and triangles of a closed box, counter-clockwise seen from outside.
 pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let corner =
         |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] } as f32);
@@ -178,7 +178,7 @@ pub fn cuboid(low: [f64; 3], high: [f64; 3]) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     ((0..8).map(corner).collect(), triangles.collect())
 }
 
-/// Adds a mesh where its positions are.
+/// Adds an instance of a mesh at the identity.
 pub fn place(scene: &mut Scene, mesh: Mesh) {
     let mesh = scene.add_mesh(mesh);
     scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));

@@ -13,7 +13,7 @@ const CELLS: u32 = 12;
 /// How the surface is described.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
-    /// With vertex colours, all white.
+    /// With white vertex colours.
     pub colored: bool,
     /// With shading normals.
     pub smooth: bool,
@@ -21,9 +21,9 @@ pub struct Variant {
     pub tangents: bool,
     /// Texture coordinates are mirrored.
     pub mirrored: bool,
-    /// The camera sees the back.
+    /// The camera sees the back face.
     pub from_behind: bool,
-    /// Of all its pictures.
+    /// Common to all its pictures.
     pub interpolation: Interpolation,
 }
 
@@ -83,7 +83,7 @@ fn sheet(variant: &Variant) -> Mesh {
     }
 }
 
-/// A painted, bumpy, partly glowing sheet under a sky, with a camera.
+/// A textured, bumpy, partly emissive sheet under a sky, with a camera.
 pub fn scene(variant: &Variant) -> Scene {
     let mut scene = Scene {
         environment: Environment::Gradient { nadir: [0.2, 0.1, 0.1], zenith: [1.0, 1.5, 2.0] },

@@ -1,10 +1,10 @@
-//! A wall of bricks as a picture that tiles: for textures that cover a mesh by projection.
+//! A tileable brick texture, for projection onto meshes.
 
 use crate::random::Random;
 
-/// Edge of the square picture, pixels.
+/// Edge of the square image, pixels.
 pub const SIZE: u32 = 256;
-/// Courses in the picture; an even number, so that it tiles.
+/// Courses in the image; an even number, so that it tiles.
 const ROWS: u32 = 8;
 /// Bricks in a course.
 const COLUMNS: u32 = 4;
@@ -45,7 +45,7 @@ mod tests {
     fn it_tiles() {
         let pixels = pixels();
         assert_eq!(pixels.len(), (SIZE * SIZE * 3) as usize);
-        // Joints run along the top and the bottom alike: the picture goes on over its edge.
+        // Joints are at both the top and the bottom: the image tiles.
         let row = |y: u32| &pixels[(y * SIZE * 3) as usize..((y + 1) * SIZE * 3) as usize];
         let mean = |r: &[u8]| r.iter().map(|&v| f64::from(v)).sum::<f64>() / r.len() as f64;
         assert!((mean(row(0)) - mean(row(SIZE - 1))).abs() < 2.0);

@@ -1,5 +1,5 @@
-//! The Cornell box as glTF: the vertices that Cornell's Program of Computer Graphics published with its measurements
-//! of the box, in millimetres, with the reflectances and the light that later renderers made customary.
+//! The Cornell box as glTF: the vertices published with its measurements by Cornell's Program of Computer Graphics, in
+//! millimetres, with the reflectances and the light that later renderers made customary.
 
 use crate::json;
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -74,7 +74,7 @@ const PARTS: [Part; 6] = [
     },
 ];
 
-/// The camera's place in millimetres; it looks along +z with y up.
+/// The camera's position in millimetres; it looks along +z with y up.
 const EYE: [f64; 3] = [278.0, 273.0, -800.0];
 /// Half the film's height over the focal length, both as published: 25 mm square, 35 mm.
 const HALF_FILM: f64 = 12.5 / 35.0;
@@ -84,7 +84,7 @@ const UNSIGNED_SHORT: u32 = 5123;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// What the parts become: their numbers as bytes, and the JSON that refers to these.
+/// Binary data of the parts, and the JSON that references it.
 #[derive(Default)]
 struct Built {
     positions: Vec<u8>,
@@ -127,12 +127,12 @@ impl Built {
     }
 }
 
-/// The asset: one file with its buffer inside, free of remarks by the Khronos validator.
+/// The asset: one file with an embedded buffer, without messages of the Khronos validator.
 pub fn gltf() -> String {
     let mut built = Built::default();
     PARTS.iter().for_each(|part| built.add(part));
     let Built { positions, indices, accessors, meshes, mut nodes } = built;
-    // Half a turn about y makes the camera, which looks along -z, look along +z.
+    // Half a turn about y: the camera, which looks along -z, looks along +z.
     nodes.push(json!({
         "camera": 0, "name": "camera", "rotation": [0, 1, 0, 0], "translation": EYE.map(|mm| mm / 1000.0),
     }));
@@ -167,7 +167,7 @@ pub fn gltf() -> String {
     }))
 }
 
-/// In the order of the constants. Without metal and specular reflection and with roughness 1, glTF's model is Lambert's.
+/// In the order of the constants. Non-metallic, without specular reflection and with roughness 1, glTF's model is Lambertian.
 fn materials() -> Vec<Value> {
     let no_specular = json!({ "specularFactor": 0 });
     let matte = |rgb: [f64; 3]| {
@@ -203,7 +203,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn the_committed_file_is_what_the_program_writes() {
+    fn committed_file_is_up_to_date() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/cornell-box.gltf");
         let committed = std::fs::read_to_string(&path).expect("the asset is there");
         assert!(

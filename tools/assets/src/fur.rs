@@ -1,4 +1,4 @@
-//! A ball of fur, as a `.hair` file.
+//! A fur ball, as a `.hair` file.
 
 use crate::random::Random;
 use std::f64::consts::TAU;
@@ -6,13 +6,13 @@ use std::path::Path;
 
 type Vector = [f64; 3];
 
-/// Points of a strand.
+/// Points per strand.
 const POINTS: usize = 5;
-/// Length of strands, where the ball below has the radius 1.
+/// Length of strands, relative to a unit sphere.
 const LENGTH: f64 = 0.42;
 /// Radius at the root.
 const RADIUS: f64 = 0.0045;
-/// Strands lean towards one of so many tufts.
+/// Number of tufts that strands clump to.
 const TUFTS: usize = 700;
 
 fn plus(a: Vector, b: Vector, t: f64) -> Vector {
@@ -27,7 +27,7 @@ fn unit(a: Vector) -> Vector {
     a.map(|x| x / dot(a, a).sqrt())
 }
 
-/// Points spread evenly over the sphere, on a spiral (Vogel 1979).
+/// Points distributed uniformly over the sphere, on a spiral (Vogel 1979).
 fn spiral(i: usize, count: usize) -> Vector {
     let y = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
     let (sine, cosine) = (TAU * (i as f64 * 0.618_033_988_75).fract()).sin_cos();
@@ -35,7 +35,7 @@ fn spiral(i: usize, count: usize) -> Vector {
     [across * cosine, y, across * sine]
 }
 
-/// The points of a strand: out of the ball, combed around it and downwards, and drawn to its tuft.
+/// The points of a strand: outwards, combed sideways and downwards, and clumped to its tuft.
 fn strand(root: Vector, tufts: &[(Vector, f64)], random: &mut Random) -> Vec<Vector> {
     let nearest = tufts.iter().max_by(|a, b| dot(a.0, root).total_cmp(&dot(b.0, root)));
     let &(tuft, turn) = nearest.expect("there are tufts");
@@ -55,7 +55,7 @@ fn strand(root: Vector, tufts: &[(Vector, f64)], random: &mut Random) -> Vec<Vec
         .collect()
 }
 
-/// Writes a file of so many strands.
+/// Writes a file with a number of strands.
 pub fn write(path: &Path, strands: usize) -> Result<(), String> {
     let mut random = Random::new(11);
     let tufts: Vec<(Vector, f64)> =

@@ -1,8 +1,8 @@
-//! JSON for people: indented by two spaces, lists of plain values on one line, keys in alphabetical order.
+//! Readable JSON: indented by two spaces, short lists on one line, keys in alphabetical order.
 
 use serde_json::Value;
 
-/// The text of a value, with a line break at its end.
+/// The text of a value, with a trailing newline.
 pub fn pretty(value: &Value) -> String {
     let mut out = String::new();
     write(value, 0, &mut out);
@@ -54,7 +54,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn short_lists_stay_on_their_line_and_the_text_means_the_value() {
+    fn short_lists_stay_on_one_line_and_values_round_trip() {
         let value = json!({ "b": [1, 2.5, "x"], "a": [{ "c": {} }, [1]], "e": [] });
         let text = super::pretty(&value);
         assert!(text.contains("\"b\": [1, 2.5, \"x\"]"), "{text}");

@@ -1,4 +1,4 @@
-//! The project's own assets, as code: meshes, pictures and scene files with many objects.
+//! The project's own assets as code: meshes, textures and scene files with many objects.
 
 pub mod bricks;
 pub mod cornell;
@@ -12,7 +12,7 @@ pub mod world_map;
 
 use std::path::Path;
 
-/// Writes what `scenes/` holds of generated files: scenes, their textures, and a mesh without texture coordinates.
+/// Writes the generated files of `scenes/`: scenes, their textures, and a mesh without texture coordinates.
 pub fn write_scenes(folder: &Path) -> Result<(), String> {
     let failed = |path: &Path, e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     for name in ["thesis", "textures", "meshes"] {

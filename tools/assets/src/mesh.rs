@@ -1,4 +1,4 @@
-//! A large smooth mesh, written as PLY, OBJ and GLB with the same numbers: positions, normals and triangles.
+//! A large smooth mesh, written as PLY, OBJ and GLB with the same data: positions, normals and triangles.
 
 use serde_json::json;
 use std::fs::File;
@@ -12,7 +12,7 @@ pub struct Mesh {
     triangles: Vec<[u32; 3]>,
 }
 
-/// A point of a torus of radii 1 and 0.4 whose surface waves, at two angles.
+/// A point of a wavy torus of radii 1 and 0.4, at two angles.
 fn surface(u: f64, v: f64) -> [f64; 3] {
     let r = 0.4 + 0.05 * (9.0 * u).sin() * (5.0 * v).cos();
     let ring = 1.0 + r * v.cos();
@@ -20,7 +20,7 @@ fn surface(u: f64, v: f64) -> [f64; 3] {
 }
 
 impl Mesh {
-    /// The torus of `surface`, cut into a grid of about so many triangles, without a seam.
+    /// The torus of `surface`, as a grid of about this many triangles, without a seam.
     pub fn torus(triangles: usize) -> Mesh {
         let rows = ((triangles as f64 / 4.0).sqrt() as u32).max(3);
         let columns = ((triangles as u32 / 2) / rows).max(3);
@@ -150,7 +150,7 @@ pub fn write_ply(path: &Path, triangles: usize) -> Result<(), String> {
     to_file(path, |out| Mesh::torus(triangles).ply(out))
 }
 
-/// Quads of the coarse torus around it and across. Four subdivisions make 1,003,520 triangles of them.
+/// Quads of the coarse torus in both directions. Four subdivision levels make 1,003,520 triangles of them.
 const QUADS: (u32, u32) = (56, 35);
 
 /// Writes a coarse torus of quads as an OBJ file, to be subdivided.
@@ -183,7 +183,7 @@ mod tests {
     use oscura::load::{LoadOptions, load};
 
     #[test]
-    fn the_written_files_load_as_one_mesh() {
+    fn written_files_load_as_the_same_mesh() {
         let folder = std::env::temp_dir().join(format!("oscura-assets-{}", std::process::id()));
         std::fs::create_dir_all(&folder).expect("a folder");
         write_all(&folder, 1000).expect("written");

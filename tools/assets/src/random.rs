@@ -1,15 +1,15 @@
-//! Random numbers that are the same everywhere: SplitMix64 (Steele, Lea, Flood 2014).
+//! Deterministic random numbers: SplitMix64 (Steele, Lea, Flood 2014).
 
-/// A stream of numbers.
+/// A random number generator.
 pub struct Random(u64);
 
 impl Random {
-    /// The stream of a seed.
+    /// The generator of a seed.
     pub fn new(seed: u64) -> Random {
         Random(seed)
     }
 
-    /// Evenly in 0..1.
+    /// Uniform in 0..1.
     pub fn unit(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -17,7 +17,7 @@ impl Random {
         ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Evenly in `low..high`.
+    /// Uniform in `low..high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }

@@ -1,5 +1,5 @@
-//! A reed that bends in the wind, as glTF: one small file with an animated skin, a morph target, instances, quantised
-//! vertices, variants of materials, lights, two cameras and a hidden node.
+//! A reed bending in the wind, as glTF: a small file with an animated skin, a morph target, instancing, quantised vertices,
+//! material variants, lights, two cameras and a hidden node.
 
 use crate::json;
 use base64::prelude::{BASE64_STANDARD, Engine};
@@ -13,7 +13,7 @@ const UNSIGNED_SHORT: u32 = 5123;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// Rings of vertices around the stalk, and vertices in each.
+/// Rings of vertices around the stalk, and vertices per ring.
 const RINGS: usize = 13;
 const SIDES: usize = 8;
 /// Height of the stalk, metres; its upper joint is halfway up.
@@ -29,7 +29,7 @@ struct Data {
 }
 
 impl Data {
-    /// Adds an accessor over bytes of its own; gives its index. Vertices start at multiples of four bytes.
+    /// Adds an accessor with its own bytes; returns its index. Vertices are aligned to four bytes.
     fn add(&mut self, bytes: &[u8], stride: Option<usize>, mut accessor: Value) -> usize {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() });
@@ -43,19 +43,19 @@ impl Data {
         self.accessors.len() - 1
     }
 
-    /// Says that an accessor's view holds vertices or indices.
+    /// Sets the target of a buffer view to vertices or indices.
     fn aim(&mut self, accessor: usize, target: u32) -> usize {
         self.views[accessor]["target"] = json!(target);
         accessor
     }
 
-    /// Floats of vertices.
+    /// Vertex data as floats.
     fn vertices<const N: usize>(&mut self, elements: &[[f64; N]]) -> usize {
         let accessor = self.floats(elements);
         self.aim(accessor, VERTICES)
     }
 
-    /// Floats, N to an element.
+    /// Floats, N per element.
     fn floats<const N: usize>(&mut self, elements: &[[f64; N]]) -> usize {
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"].get(N - 1).copied().unwrap_or("MAT4");
         let bytes: Vec<u8> = elements.as_flattened().iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
@@ -151,15 +151,14 @@ fn matte(name: &str, [r, g, b]: [f64; 3]) -> Value {
     })
 }
 
-/// Shown in straw by the variant "autumn".
+/// Replaced by straw in the variant "autumn".
 fn in_variants() -> Value {
     json!({ "KHR_materials_variants": { "mappings": [
         { "material": 0, "variants": [0] }, { "material": 1, "variants": [1] },
     ] } })
 }
 
-/// A tapering tube whose upper half goes over from the lower to the upper joint. The morph target is a bulge near the
-/// tip.
+/// A tapered tube with skin weights from the lower to the upper joint. The morph target is a bulge near the tip.
 fn stalk(data: &mut Data) -> Value {
     let (mut positions, mut normals, mut bulge, mut joints, mut weights) =
         (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -211,7 +210,7 @@ fn stalk(data: &mut Data) -> Value {
 fn leaf(data: &mut Data) -> Value {
     let outline = [[0.0, 0.0], [0.2, 0.06], [0.2, -0.06], [0.6, 0.05], [0.6, -0.05], [1.0, 0.0]];
     let short = |x: f64| ((x * 32767.0).round() as i16).to_le_bytes();
-    // Eight bytes an element: three components and two bytes of padding.
+    // Eight bytes per element: three components and two bytes of padding.
     let element = |[x, z]: [f64; 2]| [short(x), short(0.15 * x * x), short(z), [0; 2]].concat();
     let bytes: Vec<u8> = outline.into_iter().flat_map(element).collect();
     let positions = data.add(
@@ -240,13 +239,13 @@ fn ground(data: &mut Data) -> Value {
     })
 }
 
-/// From the stalk's space to that of each joint at rest.
+/// Inverse bind matrices of the joints.
 fn inverse_binds(data: &mut Data) -> usize {
     let down = |y: f64| [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -y, 0.0, 1.0];
     data.floats(&[down(0.0), down(HEIGHT / 2.0)])
 }
 
-/// Leaves around the foot of the stalk, each turned and a little higher and smaller than the last.
+/// Leaves around the base of the stalk, each rotated and slightly higher and smaller than the last.
 fn leaf_instances(data: &mut Data) -> Value {
     let steps: Vec<f64> = (0..LEAVES).map(|i| i as f64).collect();
     let places: Vec<_> = steps.iter().map(|i| [0.0, 0.05 + 0.06 * i, 0.0]).collect();
@@ -257,7 +256,7 @@ fn leaf_instances(data: &mut Data) -> Value {
     })
 }
 
-/// Two seconds: the upper joint bends to the right and back, and the bulge comes and goes.
+/// Two seconds: the upper joint bends to the right and back, and the bulge grows and shrinks.
 fn animation(data: &mut Data) -> Value {
     let bend = |angle: f64| [0.0, 0.0, -(angle / 2.0).sin(), (angle / 2.0).cos()];
     let times = data.floats(&[[0.0], [1.0], [2.0]]);
@@ -280,7 +279,7 @@ fn animation(data: &mut Data) -> Value {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn the_committed_file_is_what_the_program_writes() {
+    fn committed_file_is_up_to_date() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/reed.gltf");
         let committed = std::fs::read_to_string(&path).expect("the asset is there");
         assert!(

@@ -3,7 +3,7 @@
 use crate::random::Random;
 use std::fmt::Write;
 
-/// Writes a line into a text; that can't fail.
+/// Appends a line to a string; infallible.
 macro_rules! line {
     ($text:expr, $($arguments:tt)*) => {
         let _ = writeln!($text, $($arguments)*);
@@ -23,7 +23,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Materials of the small balls: name and line.
+/// Materials of the small spheres: name and line.
 fn palette(random: &mut Random) -> Vec<(String, String)> {
     let mut list = Vec::new();
     for i in 0..24 {
@@ -45,7 +45,7 @@ fn palette(random: &mut Random) -> Vec<(String, String)> {
     list
 }
 
-/// A field of random balls on a checker floor around three large ones: water, Lambertian, metal.
+/// Random spheres on a checkerboard around three large ones: water, Lambertian, metal.
 pub fn random_spheres() -> String {
     let mut random = Random::new(2024);
     let palette = palette(&mut random);
@@ -74,7 +74,7 @@ pub fn random_spheres() -> String {
     text
 }
 
-/// Three hundred small lamps over a plain of boxes.
+/// Three hundred small lights over a plain of boxes.
 pub fn many_lights() -> String {
     let mut random = Random::new(99);
     let mut text = String::from(MANY_LIGHTS);
@@ -107,7 +107,7 @@ fn hue(h: f64) -> [f64; 3] {
     })
 }
 
-/// Everything at once: the hand-made part with a ground of boxes and a cloud of balls.
+/// The final scene with all features: the hand-written part with a ground of boxes and a cluster of spheres.
 pub fn everything() -> String {
     let mut random = Random::new(5);
     let mut text = String::from(EVERYTHING);
@@ -141,9 +141,9 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// The committed scenes are what this program writes.
+    /// The committed scenes are up to date.
     #[test]
-    fn the_committed_scenes_are_these() {
+    fn committed_scenes_are_up_to_date() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes");
         for (name, text) in [
             ("thesis/random-spheres.toml", random_spheres()),

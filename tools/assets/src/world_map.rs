@@ -1,6 +1,6 @@
-//! A map of the world as a picture for spheres: equirectangular, drawn from coarse outlines that this file lists.
+//! A world map as an equirectangular texture for spheres, drawn from the coarse outlines in this file.
 
-/// Edge of the square picture, pixels.
+/// Edge of the square image, pixels.
 pub const SIZE: u32 = 1000;
 /// Samples along each axis of a pixel.
 const SAMPLES: u32 = 3;
@@ -141,7 +141,7 @@ const LAND: &[&[(f64, f64)]] = &[
     ],
 ];
 
-/// Inland water, drawn over the land.
+/// Inland water, drawn over land.
 #[rustfmt::skip]
 const WATER: &[&[(f64, f64)]] = &[
     // Caspian Sea.
@@ -190,7 +190,7 @@ fn mix(a: Rgb, b: Rgb, t: f64) -> Rgb {
     std::array::from_fn(|c| a[c] + (b[c] - a[c]) * t)
 }
 
-/// Deserts lie about the tropics, forests elsewhere, tundra and ice towards the poles.
+/// Deserts near the tropics, forests elsewhere, tundra and ice towards the poles.
 fn land_color(latitude: f64) -> Rgb {
     let away = latitude.abs();
     let dry = 1.0 - ((away - 24.0) / 9.0).powi(2);
@@ -202,7 +202,7 @@ fn is_greenland(polygon: usize) -> bool {
     polygon == 1
 }
 
-/// sRGB-encoded colour of a place, without the grid.
+/// sRGB-encoded colour of a location, without the grid.
 fn color_at(place: (f64, f64)) -> Rgb {
     match LAND.iter().position(|p| contains(p, place)) {
         None => OCEAN,
@@ -212,7 +212,7 @@ fn color_at(place: (f64, f64)) -> Rgb {
     }
 }
 
-/// The picture: rows from the north pole down, columns from 180 degrees west, `SIZE` x `SIZE` pixels of 8-bit sRGB.
+/// The image: rows from the north pole down, columns from 180 degrees west, `SIZE` x `SIZE` pixels of 8-bit sRGB.
 pub fn pixels() -> Vec<u8> {
     let degrees = |pixel: u32, sample: u32, whole: f64| {
         (f64::from(pixel) + (f64::from(sample) + 0.5) / f64::from(SAMPLES)) / f64::from(SIZE) * whole
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn the_picture_has_its_size_and_the_ice_at_the_bottom() {
+    fn image_has_its_size_and_ice_at_the_bottom() {
         let pixels = pixels();
         assert_eq!(pixels.len(), (SIZE * SIZE * 3) as usize);
         let row = &pixels[pixels.len() - (SIZE * 3) as usize..];

@@ -1,4 +1,4 @@
-//! How well the estimated error of a picture holds, and how far from the error asked for `--noise` stops.
+//! Accuracy of the error estimate, and how closely `--noise` stops at the requested error.
 
 use crate::measure::{Setup, Subject, to_image};
 use oscura::error::Result;
@@ -6,11 +6,11 @@ use oscura::metrics::errors;
 use oscura::render::PassOutcome;
 use std::path::Path;
 
-/// Samples of the smallest picture whose estimate is judged, and of the first that may stop a run that is judged. Before, a
-/// pass of eight samples changes the error by more than a fifth.
+/// Minimum samples of pictures whose estimate is judged, and of the first possible stop. Before, a pass of eight samples changes
+/// the error by more than a fifth.
 const MIN_SAMPLES: u32 = 64;
 
-/// Errors asked for: each this part of the one before.
+/// Requested errors: each this fraction of the one before.
 const STEP: f64 = 0.84;
 
 /// A rendering of one scene with one seed.
@@ -18,7 +18,7 @@ pub struct Run {
     /// Name of the scene's file.
     scene: String,
     seed: u32,
-    /// After each pass that has an estimate, in order of the samples.
+    /// After each pass that has an estimate, by ascending samples.
     passes: Vec<Pass>,
 }
 
@@ -26,9 +26,9 @@ pub struct Run {
 struct Pass {
     samples: u32,
     estimated: f64,
-    /// Against the converged picture, whose own share is taken off.
+    /// Against the converged reference, with its own error subtracted.
     real: f64,
-    /// Wall-clock time until then, seconds.
+    /// Wall-clock time so far, seconds.
     render_s: f64,
 }
 
@@ -62,25 +62,25 @@ pub fn calibrate(path: &Path, setup: &Setup, seeds: u32) -> Result<Vec<Run>> {
 }
 
 impl Run {
-    /// Where a run ends that asks for this error, if that is at some pass but the first.
+    /// The pass at which a run with this requested error stops, unless it is the first.
     fn stop(&self, asked: f64) -> Option<&Pass> {
         self.passes.iter().find(|pass| pass.estimated <= asked).filter(|pass| pass.samples > MIN_SAMPLES)
     }
 
-    /// True over asked errors of all stops.
+    /// True over requested errors of all stops.
     fn stops(&self) -> Vec<f64> {
         let asked = (0..64).map(|i| STEP.powi(i));
         asked.filter_map(|asked| Some(self.stop(asked)?.real / asked)).collect()
     }
 
-    /// Estimated over true errors of the larger pictures.
+    /// Estimated over true errors of the larger sample counts.
     fn estimates(&self) -> Vec<f64> {
         let judged = self.passes.iter().filter(|pass| pass.samples >= MIN_SAMPLES);
         judged.map(|pass| pass.estimated / pass.real.max(f64::MIN_POSITIVE)).collect()
     }
 }
 
-/// One line a pass.
+/// One line per pass.
 pub fn csv(runs: &[Run]) -> String {
     let mut out = "scene,seed,samples,estimated,true,render_s\n".to_string();
     for run in runs {
@@ -96,7 +96,7 @@ pub fn csv(runs: &[Run]) -> String {
     out
 }
 
-/// One line a scene.
+/// One line per scene.
 pub fn markdown(runs: &[Run]) -> String {
     let mut out = "| scene | true error at the last pass, % | estimated / true: mean | from | to | true / asked at the stop: mean | from | to | within 20 % |\n\
                    |---|---:|---:|---:|---:|---:|---:|---:|---:|\n"

@@ -1,8 +1,8 @@
-//! How time and memory grow with one thing at a time: meshes, instances, materials, textures, lights and so on.
+//! Scaling of time and memory with one parameter at a time: meshes, instances, materials, textures, lights and so on.
 //!
-//! Each scene is rendered by a process of its own, the program as users run it, whose processor time and peak memory are
-//! taken down. From one size to the next, cost grows with the power `ln(cost ratio) / ln(size ratio)`, both counted beyond the
-//! smallest size: 1 where it is in proportion, 2 where it grows with the square.
+//! Each scene is rendered by a process of its own, the program as users run it, whose CPU time and peak memory are recorded.
+//! From one size to the next, cost grows with the exponent `ln(cost ratio) / ln(size ratio)`, both minus the smallest size: 1 is
+//! linear, 2 is quadratic.
 
 use crate::scenes::{Generated, many, models, rooms};
 use oscura::error::{Error, Result};
@@ -10,10 +10,10 @@ use std::fmt::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// No power may be larger.
+/// Maximum exponent.
 pub const MAX: f64 = 1.1;
 
-/// Less processor time, in seconds, is too little to fit a power to.
+/// Minimum CPU time, in seconds, for fitting an exponent.
 const MIN_S: f64 = 0.15;
 /// The same for memory, in bytes.
 const MIN_BYTES: f64 = 8.0 * 1024.0 * 1024.0;
@@ -21,7 +21,7 @@ const MIN_BYTES: f64 = 8.0 * 1024.0 * 1024.0;
 /// A scene file and the arguments of its rendering.
 type Render = (PathBuf, Vec<String>);
 
-/// What grows.
+/// The parameter that grows.
 struct Axis {
     name: &'static str,
     /// Smallest and largest size, and the factor from one size to the next.
@@ -30,7 +30,7 @@ struct Axis {
     scene: fn(&Generated, u64) -> Result<Render>,
 }
 
-/// Few pixels and samples: what counts is what happens before them.
+/// Few pixels and samples: preprocessing is measured.
 const SMALL: &[&str] = &["--width", "32", "--height", "32", "--spp", "1"];
 
 fn words(list: &[&str]) -> Vec<String> {
@@ -46,7 +46,7 @@ fn gltf(generated: &Generated, model: many::Model) -> Result<Render> {
     Ok((generated.write("growing.gltf", model.gltf.as_bytes())?, words(SMALL)))
 }
 
-/// A room with so many pixels a side and samples per pixel, without techniques that are chosen by what the picture is like.
+/// A room with this many pixels per side and samples per pixel, without automatically chosen techniques.
 fn room(generated: &Generated, side: u64, samples: u64, more: &[&str]) -> Result<Render> {
     let scene = generated.write("growing.toml", rooms::slit().as_bytes())?;
     let (side, samples) = (side.to_string(), samples.to_string());
@@ -57,7 +57,7 @@ fn room(generated: &Generated, side: u64, samples: u64, more: &[&str]) -> Result
     Ok((scene, arguments))
 }
 
-/// Channels in the order in which the axis of passes adds them.
+/// AOVs in the order in which the axis of passes adds them.
 const PASSES: &[&str] = &[
     "depth",
     "normal",
@@ -191,12 +191,12 @@ const AXES: &[Axis] = &[
     Axis { name: "samples", sizes: (4, 400, 10), scene: |generated, n| room(generated, 64, n, &[]) },
 ];
 
-/// What a render took.
+/// The cost of a render.
 #[derive(Clone, Copy, Debug)]
 struct Cost {
-    /// Processor time of the process.
+    /// CPU time of the process.
     cpu_s: f64,
-    /// Resident memory at its peak.
+    /// Peak resident memory.
     bytes: f64,
 }
 
@@ -205,36 +205,36 @@ pub struct Row {
     what: &'static str,
     size: u64,
     cost: Cost,
-    /// The powers with which time and memory grew since the size before; none where there was too little.
+    /// The exponents of time and memory since the previous size; none below the minimum.
     powers: [Option<f64>; 2],
 }
 
 impl Row {
-    /// What grew, and to what size.
+    /// The parameter, and its size.
     pub fn name(&self) -> String {
         format!("{} ({})", self.what, self.size)
     }
 
-    /// Does a cost grow faster than in proportion?
+    /// Is the growth steeper than linear?
     pub fn is_too_steep(&self) -> bool {
         self.powers.iter().flatten().any(|&power| power > MAX)
     }
 }
 
-/// All measurements, and what ended an axis before its end.
+/// All measurements, and the errors that ended an axis.
 #[derive(Default)]
 pub struct Growth {
-    /// One after another.
+    /// In order.
     pub rows: Vec<Row>,
     /// Names of axes with errors.
     pub failures: Vec<String>,
 }
 
-/// How far to go.
+/// Limits of the measurement.
 pub struct Limits {
     /// The program that renders.
     pub program: PathBuf,
-    /// An axis ends where the next size is likely to take longer, in seconds of processor time.
+    /// An axis ends where the next size would probably take longer, in seconds of CPU time.
     pub seconds: f64,
     /// Only axes whose names contain this.
     pub only: String,
@@ -255,7 +255,7 @@ pub fn measure(limits: &Limits) -> Result<Growth> {
     let generated = Generated::new()?;
     let mut growth = Growth::default();
     for axis in AXES.iter().filter(|axis| axis.name.contains(&limits.only)) {
-        // What was measured before a failure counts.
+        // Measurements before a failure are kept.
         if let Err(error) = axis.follow(&generated, limits, &mut growth.rows) {
             growth.failures.push(format!("{}: {error}", axis.name));
         }
@@ -287,8 +287,7 @@ impl Axis {
     }
 }
 
-/// The powers with which costs grew since the last size: both are counted beyond the smallest size, so that what every
-/// scene takes is left out.
+/// The exponents of cost since the last size: both are counted beyond the smallest size, so that fixed cost is excluded.
 fn powers(before: &[(u64, Cost)], size: u64, cost: Cost, is_side: bool) -> [Option<f64>; 2] {
     let ([(first_size, first), ..], [.., (last_size, last)]) = (before, before) else { return [None; 2] };
     let things = |size: u64| (size as f64).powi(if is_side { 2 } else { 1 });
@@ -300,7 +299,7 @@ fn powers(before: &[(u64, Cost)], size: u64, cost: Cost, is_side: bool) -> [Opti
     [power(first.cpu_s, last.cpu_s, cost.cpu_s, MIN_S), power(first.bytes, last.bytes, cost.bytes, MIN_BYTES)]
 }
 
-/// Renders a scene by a process.
+/// Renders a scene in a process.
 fn render(program: &Path, scene: &Path, arguments: &[String]) -> Result<Cost> {
     let output = scene.with_file_name("picture.exr");
     let before = child_seconds();
@@ -317,22 +316,22 @@ fn render(program: &Path, scene: &Path, arguments: &[String]) -> Result<Cost> {
     Ok(Cost { cpu_s: child_seconds() - before, bytes: peak })
 }
 
-/// The number behind a key.
+/// The number after a key.
 fn number(line: &str, key: &str) -> Option<f64> {
     let rest = line.split_once(key)?.1;
     rest.split([',', '}']).next()?.trim().parse().ok()
 }
 
-/// Processor time of all processes that were started and have ended; hundredths of seconds.
+/// CPU time of all finished child processes; hundredths of seconds.
 fn child_seconds() -> f64 {
     let text = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Behind the name of the program, which is in brackets: from the third field on.
+    // After the name of the program, which is in brackets: from the third field on.
     let fields = text.rsplit_once(')').map_or("", |(_, rest)| rest);
     let ticks = fields.split_whitespace().skip(13).take(2).filter_map(|field| field.parse::<f64>().ok());
     ticks.sum::<f64>() / 100.0
 }
 
-/// Memory of the machine.
+/// Memory of the machine, in bytes.
 fn memory() -> f64 {
     let text = std::fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"));
@@ -354,7 +353,7 @@ fn optional(power: Option<f64>) -> String {
     power.map_or_else(|| "-".to_string(), |power| format!("{power:.2}"))
 }
 
-/// One line a measurement.
+/// One line per measurement.
 pub fn csv(rows: &[Row]) -> String {
     let mut out = "what,size,cpu_s,peak_bytes,time_power,memory_power\n".to_string();
     for Row { what, size, cost, powers } in rows {
@@ -378,7 +377,7 @@ mod tests {
     use oscura::load::{LoadOptions, load};
 
     #[test]
-    fn powers_are_of_what_the_smallest_size_does_not_take() {
+    fn exponents_exclude_fixed_cost() {
         // One second and a hundred megabytes, and more for each thing beyond the first.
         let cost = |n: u64, power: f64| {
             let more = (n as f64 - 1.0).powf(power);
@@ -395,9 +394,9 @@ mod tests {
         assert_eq!(powers(&[], 1, cost(1, 1.0), false), [None, None]);
     }
 
-    /// Every axis makes scenes that load, and that have more of what grows where the size is larger.
+    /// Scenes of every axis load, and larger sizes contain more.
     #[test]
-    fn scenes_grow() {
+    fn larger_sizes_contain_more() {
         let generated = Generated::new().unwrap_or_else(|e| panic!("{e}"));
         for axis in AXES {
             let (smallest, _, factor) = axis.sizes;
@@ -423,7 +422,7 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_found_in_reports() {
+    fn numbers_are_parsed_from_reports() {
         let line = r#"{"load_s": 0.25, "peak_memory_bytes": 17850368, "outputs": ["x.exr"]}"#;
         assert_eq!(number(line, "\"peak_memory_bytes\": "), Some(17_850_368.0));
         assert_eq!(number(line, "\"peak\": "), None);

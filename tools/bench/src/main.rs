@@ -4,24 +4,25 @@
 //! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,2,4,8] [--reference N] [--depth N] [--threads N]
 //! [--against CSV] [--noise | --techniques | --growth | --scaling]`
 //!
-//! Without scenes it measures fifteen: boxes, environments, a thousand lamps, light through a slit, caustics, leaves cut out by alpha, ten
-//! thousand instances, thirty materials, a place far from the origin. `--quick` sets a width of 96, the ladder 1,4,16 and a
-//! reference of 256 samples. `--against` compares with the `time-to-error.csv` of another build. Results go into FOLDER, which is made
-//! if need be.
+//! Without scenes it measures fifteen: boxes, environments, a thousand lights, light through a slit, caustics, alpha-masked
+//! leaves, ten thousand instances, thirty materials, a position far from the origin. `--quick` sets a width of 96, the ladder
+//! 1,4,16 and a reference of 256 samples. `--against` compares with the `time-to-error.csv` of another build. Results are
+//! written to FOLDER, which is created if missing.
 //!
-//! `--noise` measures instead how well the estimate of `oscura render --noise` holds: scenes are rendered to the last step of the
-//! ladder with `--seeds N` seeds (3), and after each pass the estimated error stands beside the true one.
+//! `--noise` measures the accuracy of the error estimate of `oscura render --noise` instead: scenes are rendered to the last
+//! step of the ladder with `--seeds N` seeds (3), and the estimated and true errors of each pass are listed.
 //!
-//! `--techniques` measures instead what each technique brings, with `--seeds N` seeds (3) at the middle step of the ladder.
+//! `--techniques` measures the efficiency of each technique instead, with `--seeds N` seeds (3) at the middle step of the
+//! ladder.
 //!
-//! `--growth` measures instead how time and memory grow with meshes, instances, materials, textures, lights and so on, each alone, in
-//! renders of `--program PATH` (target/release/oscura). The exit code is 1 where a cost grows with a power above 1.1. `--only WORD`
-//! takes what has the word in its name, `--seconds N` (60) ends an axis where the next size would take longer.
+//! `--growth` measures how time and memory scale with meshes, instances, materials, textures, lights and so on instead, one at a
+//! time, in renders of `--program PATH` (target/release/oscura). The exit code is 1 where a cost grows with an exponent above
+//! 1.1. `--only WORD` selects axes by name, `--seconds N` (60) ends an axis where the next size would take longer.
 //!
-//! `--scaling` times the parts of rendering on one thread, at the last step of the ladder, and replays them on up to 64: what threads
-//! would wait for each other, with a barrier after each pass and as it is.
+//! `--scaling` times the tasks of rendering on one thread, at the last step of the ladder, and simulates their schedule on up to
+//! 64: the idle time with a barrier after each pass and with overlapping passes.
 //!
-//! The reference is made here, by two renders with other seeds whose difference tells its own noise.
+//! The reference is the mean of two renders with other seeds, whose difference gives its own noise.
 
 mod calibrate;
 mod growth;
@@ -47,9 +48,9 @@ struct Arguments {
     what: What,
     /// Seeds of the calibration and of techniques.
     seeds: u32,
-    /// How far costs are followed.
+    /// Limits of `--growth`.
     growth: growth::Limits,
-    /// Results of another build.
+    /// Results of another build, to compare with.
     against: Option<PathBuf>,
 }
 
@@ -112,7 +113,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     }
 }
 
-/// How costs grow.
+/// Scaling of cost.
 fn grow(arguments: &Arguments) -> Result<()> {
     let growth::Growth { rows, failures } = growth::measure(&arguments.growth)?;
     let table = growth::markdown(&rows);
@@ -144,8 +145,8 @@ fn climb(arguments: &Arguments, scenes: &[PathBuf]) -> Result<()> {
     of_all(scenes, setup, |scene| measure(scene, setup), texts)
 }
 
-/// Measures all scenes, one after another. After each, `write` writes down all that there is until then, and gives a table,
-/// the last of which is printed.
+/// Measures all scenes in order. After each, `write` writes all results so far, and returns a table, the last of which is
+/// printed.
 fn of_all<T: Send>(
     scenes: &[PathBuf],
     setup: &Setup,
@@ -209,7 +210,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
     Ok(all)
 }
 
-/// Takes an option with a value.
+/// Parses an option with a value.
 fn set(all: &mut Arguments, option: &str, value: &str) -> Result<()> {
     let setup = &mut all.setup;
     match option {

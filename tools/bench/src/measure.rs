@@ -1,4 +1,4 @@
-//! Renders one scene many times and measures.
+//! Renders a scene at increasing sample counts and measures time and error.
 
 use oscura::compile::{CompileOptions, CompiledScene, choose_camera, compile};
 use oscura::error::Result;
@@ -11,15 +11,15 @@ use oscura::scene::{Camera, Filter};
 use std::path::Path;
 use std::sync::Arc;
 
-/// What to measure.
+/// Settings of the measurement.
 pub struct Setup {
     /// Width of the pictures; the height follows the camera.
     pub width: u32,
-    /// Samples a pixel to measure at.
+    /// Samples per pixel to measure at.
     pub ladder: Vec<u32>,
-    /// Samples a pixel of the reference.
+    /// Samples per pixel of the reference.
     pub reference: u32,
-    /// Most scattering events.
+    /// Maximum path length.
     pub depth: u32,
     /// Threads.
     pub threads: Option<usize>,
@@ -29,21 +29,21 @@ pub struct Setup {
 pub struct Point {
     /// Name of the scene's file.
     pub scene: String,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
     /// Wall-clock time, seconds.
     pub render_s: f64,
-    /// Time of all threads together, seconds.
+    /// CPU time of all threads, seconds.
     pub render_cpu_s: f64,
     /// Rays traced.
     pub rays: u64,
-    /// relMSE with the reference's own share taken off.
+    /// relMSE minus that of the reference.
     pub rel_mse: f64,
-    /// That share.
+    /// relMSE of the reference.
     pub reference_rel_mse: f64,
 }
 
-/// A scene that is rendered many times.
+/// A scene to be rendered many times.
 pub struct Subject {
     /// Name of its file.
     pub name: String,
@@ -54,7 +54,7 @@ pub struct Subject {
 }
 
 impl Subject {
-    /// Loads a scene and gets it ready.
+    /// Loads and compiles a scene.
     pub fn new(path: &Path, setup: &Setup) -> Result<Subject> {
         let scene = load(path, &LoadOptions::default())?.scene;
         let aspect = match (scene.settings.width, scene.settings.height) {
@@ -78,7 +78,7 @@ impl Subject {
         self.size
     }
 
-    /// A rendering of it that has not begun.
+    /// A new rendering of it.
     pub fn rendering(&self, samples: u32, seed: u32, noise: Option<f32>) -> Result<Rendering> {
         self.rendering_with(samples, seed, |options| options.noise(noise))
     }
@@ -96,7 +96,7 @@ impl Subject {
         Rendering::new(self.scene.clone(), &self.camera, options)
     }
 
-    /// A converged picture of so many samples, and its own relMSE.
+    /// A converged picture of a number of samples, and its own relMSE.
     pub fn reference(&self, samples: u32) -> Result<(Image, f64)> {
         let half = |seed: u32| -> Result<Image> {
             let mut rendering = self.rendering(samples.div_ceil(2), seed, None)?;
@@ -132,7 +132,7 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
     setup.ladder.iter().map(point).collect()
 }
 
-/// What a film shows.
+/// The colour of a film.
 pub fn to_image(film: &Film) -> Image {
     let rgb = film.rgba().into_iter().flat_map(|[r, g, b, _]| [r, g, b]).collect();
     Image::from_linear_rgb("render", film.width(), film.height(), rgb)

@@ -1,8 +1,8 @@
-//! How rendering would go on many threads: its parts are timed on one thread and replayed on others, each taking the next part
-//! when it is free.
+//! Simulated scaling to many threads: tasks of a render are timed on one thread and scheduled onto more, each thread taking the
+//! next task when it is free.
 //!
-//! That tells what waiting costs: for the last tiles of a pass, and for what one thread does alone. What threads take from each
-//! other (memory, caches, the clock of the processor) it can't tell.
+//! This measures idle time: for the last tiles of a pass, and in serial sections. Contention (memory, caches, clock frequency)
+//! is not included.
 
 use crate::measure::{Setup, Subject};
 use oscura::error::Result;
@@ -11,7 +11,7 @@ use std::collections::BinaryHeap;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-/// Numbers of threads that are replayed.
+/// Simulated thread counts.
 const THREADS: [usize; 5] = [2, 4, 16, 32, 64];
 
 /// What was timed of a scene.
@@ -19,20 +19,20 @@ pub struct Timed {
     scene: String,
     size: [u32; 2],
     samples: u32,
-    /// Seconds on one thread, and of them those that one thread would take alone.
+    /// Seconds on one thread, and the serial part of them.
     total_s: f64,
     alone_s: f64,
     spans: Vec<TaskSpan>,
-    /// Seconds on one and on two threads.
+    /// Measured seconds on one and on two threads.
     real_s: Option<[f64; 2]>,
 }
 
-/// Who waits for whom.
+/// Synchronisation.
 #[derive(Clone, Copy, PartialEq)]
 enum Rule {
-    /// All threads at the end of each pass; the noise, the trial of caustics and splats are the work of one thread.
+    /// A barrier at the end of each pass; noise estimation, the caustics trial and splatting are serial.
     Barriers,
-    /// Passes overlap, and nothing but what is not timed is the work of one thread.
+    /// Passes overlap, and only untimed work is serial.
     Overlap,
 }
 
@@ -68,13 +68,13 @@ pub fn time(path: &Path, setup: &Setup) -> Result<Vec<Timed>> {
 }
 
 impl Timed {
-    /// How many times faster so many threads are than one.
+    /// Speed-up on a number of threads.
     fn speed_up(&self, threads: usize, rule: Rule) -> f64 {
         self.total_s / (self.alone_s + replayed(&self.spans, threads, rule))
     }
 }
 
-/// Seconds that parts take on so many threads.
+/// Simulated seconds on a number of threads.
 fn replayed(spans: &[TaskSpan], threads: usize, rule: Rule) -> f64 {
     let is_alone = |span: &TaskSpan| {
         rule == Rule::Barriers && matches!(span.stage, "noise" | "splats" | "caustics" | "film")
@@ -85,13 +85,13 @@ fn replayed(spans: &[TaskSpan], threads: usize, rule: Rule) -> f64 {
         if is_alone(span) {
             sum += took;
         } else if let Some(number) = span.group {
-            // Guiding and paths from lamps join what lies beside each other, the more the more threads there are.
+            // Guiding and light paths merge neighbouring tasks, the more the more threads there are.
             let joined = match (rule, span.stage) {
                 (Rule::Overlap, "tiles") => number.min(8),
                 (Rule::Overlap, "guiding") => number / (2 * threads).div_ceil(16) as u32,
                 _ => number,
             };
-            // Tiles begin while paths from lamps end.
+            // Tiles start while light tracing finishes.
             let begins = match (rule, span.stage, last) {
                 (Rule::Overlap, "paths from lamps", Some(("paths from lamps", _))) => false,
                 (Rule::Overlap, "trials" | "tiles", Some(("paths from lamps", _))) => false,
@@ -109,7 +109,7 @@ fn replayed(spans: &[TaskSpan], threads: usize, rule: Rule) -> f64 {
     sum + makespan(&group, threads)
 }
 
-/// Seconds until the last of some parts is done, each of which is taken by the thread that is free first.
+/// Makespan of list scheduling: each task is taken by the thread that is free first.
 fn makespan(parts: &[f64], threads: usize) -> f64 {
     // Nanoseconds, the least first.
     let mut free: BinaryHeap<std::cmp::Reverse<u64>> = (0..threads).map(|_| std::cmp::Reverse(0)).collect();
@@ -121,7 +121,7 @@ fn makespan(parts: &[f64], threads: usize) -> f64 {
     free.into_iter().map(|end| end.0).max().unwrap_or(0) as f64 * 1e-9
 }
 
-/// One line a scene and number of threads.
+/// One line per scene and number of threads.
 pub fn csv(all: &[Timed]) -> String {
     let mut out = "scene,width,height,samples,seconds,alone,threads,with_barriers,overlapping\n".to_string();
     for timed in all {
@@ -136,7 +136,7 @@ pub fn csv(all: &[Timed]) -> String {
     out
 }
 
-/// The same for reading: speed-ups with a barrier after each pass, and as it is.
+/// The same as a markdown table: speed-ups with a barrier after each pass, and with overlapping passes.
 pub fn markdown(all: &[Timed]) -> String {
     let mut out = "| scene | size, samples | s on one thread | of them alone |".to_string();
     THREADS.iter().for_each(|threads| out += &format!(" {threads} threads |"));

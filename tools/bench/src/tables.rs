@@ -7,7 +7,7 @@ const COLORS: [&str; 6] = ["#1b6ca8", "#c0392b", "#2e8b57", "#8e44ad", "#b9770e"
 const SIZE: (f64, f64) = (720.0, 480.0);
 const MARGIN: f64 = 60.0;
 
-/// One line a measurement.
+/// One line per measurement.
 pub fn csv(points: &[Point]) -> String {
     let mut out = "scene,samples,render_s,render_cpu_s,rays,relmse,reference_relmse\n".to_string();
     for p in points {
@@ -21,7 +21,7 @@ pub fn csv(points: &[Point]) -> String {
     out
 }
 
-/// A table for reading.
+/// A markdown table.
 pub fn markdown(points: &[Point]) -> String {
     let mut out =
         "| scene | samples | wall s | CPU s | M rays/s of CPU | relMSE |\n|---|---:|---:|---:|---:|---:|\n"
@@ -36,7 +36,8 @@ pub fn markdown(points: &[Point]) -> String {
     out
 }
 
-/// A log-log plot of error over processor time, which other work on the machine changes little, one line a scene. Points that a logarithm can't show are left out.
+/// A log-log plot of error over CPU time, which other load changes little, one line per scene. Points without a logarithm are
+/// omitted.
 pub fn svg(points: &[Point]) -> String {
     let shown: Vec<&Point> = points.iter().filter(|p| p.render_cpu_s > 0.0 && p.rel_mse > 0.0).collect();
     let (x0, x1) = decades(shown.iter().map(|p| p.render_cpu_s));

@@ -1,4 +1,4 @@
-//! What each technique brings: the efficiency of a scene with each of them switched on or off.
+//! The efficiency of each technique: a scene with each of them enabled or disabled.
 
 use crate::measure::{Setup, Subject, to_image};
 use oscura::error::Result;
@@ -7,16 +7,16 @@ use oscura::metrics::errors;
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use std::path::Path;
 
-/// Pixels along the sides of the blocks whose means are compared as well: what eyes and denoisers keep.
+/// Edge of blocks in pixels, whose means are compared as well: low-frequency error is what viewers and denoisers are left with.
 const BLOCK: u32 = 8;
 
-/// A way to render.
+/// A combination of techniques.
 struct Technique {
     name: &'static str,
     with: fn(RenderOptions) -> RenderOptions,
 }
 
-/// The first is what the others are compared with.
+/// The first is the baseline.
 const TECHNIQUES: [Technique; 7] = [
     Technique { name: "none", with: plain },
     Technique { name: "by default", with: |options| options },
@@ -31,21 +31,21 @@ fn plain(options: RenderOptions) -> RenderOptions {
     options.path_reuse(PathReuse::Off).splitting(Splitting::OFF).caustics(Caustics::Off).guiding(Guiding::Off)
 }
 
-/// Sums over the renderings of a scene by one technique.
+/// Sums over the renders of a scene with one technique.
 #[derive(Clone, Copy, Default)]
 struct Cost {
     cpu_s: f64,
-    /// Squared relative errors of pixels and of blocks of them.
+    /// Squared relative errors of pixels and of blocks.
     squared: [f64; 2],
 }
 
-/// What the techniques bring to a scene.
+/// The efficiencies of techniques for a scene.
 pub struct Comparison {
     scene: String,
     costs: [Cost; TECHNIQUES.len()],
 }
 
-/// Renders a scene by all techniques in turn, with several seeds, at the middle step of the ladder.
+/// Renders a scene with all techniques in turn, with several seeds, at the middle step of the ladder.
 pub fn compare(path: &Path, setup: &Setup, seeds: u32) -> Result<Vec<Comparison>> {
     let subject = Subject::new(path, setup)?;
     let (reference, own) = subject.reference(setup.reference)?;
@@ -65,7 +65,7 @@ pub fn compare(path: &Path, setup: &Setup, seeds: u32) -> Result<Vec<Comparison>
     Ok(vec![Comparison { scene: subject.name, costs }])
 }
 
-/// One line a scene and technique.
+/// One line per scene and technique.
 pub fn csv(comparisons: &[Comparison]) -> String {
     let mut out = "scene,technique,render_cpu_s,relmse,relmse_of_blocks\n".to_string();
     for Comparison { scene, costs } in comparisons {
@@ -77,7 +77,7 @@ pub fn csv(comparisons: &[Comparison]) -> String {
     out
 }
 
-/// One line a scene: how many times as efficient each technique is as none, by pixels and by blocks.
+/// One line per scene: the efficiency of each technique relative to none, by pixels and by blocks.
 pub fn markdown(comparisons: &[Comparison]) -> String {
     let names = TECHNIQUES[1..].iter().map(|technique| format!(" {} |", technique.name));
     let mut out =
@@ -91,7 +91,7 @@ pub fn markdown(comparisons: &[Comparison]) -> String {
     out
 }
 
-/// Means of blocks of pixels; what is left over at the right and at the bottom is left out.
+/// Means of blocks of pixels; incomplete blocks at the right and bottom are omitted.
 fn block_means(image: &Image) -> Image {
     let (width, height) = ((image.width / BLOCK).max(1), (image.height / BLOCK).max(1));
     let (w, h) = (image.width.min(BLOCK), image.height.min(BLOCK));

@@ -1,11 +1,11 @@
-//! What the ladders of scenes say: how fast errors fall, and how much sooner than another build they are reached.
+//! Trends of the ladders: convergence rates, and speed-ups over another build at equal error.
 
 use crate::measure::Point;
 use oscura::error::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Processor times and errors of each scene, by ascending samples.
+/// CPU times and errors of each scene, by ascending samples.
 pub type Ladders = BTreeMap<String, Vec<[f64; 2]>>;
 
 /// Reads the `time-to-error.csv` of another build.
@@ -25,7 +25,7 @@ pub fn read(path: &PathBuf) -> Result<Ladders> {
     Ok(ladders)
 }
 
-/// A line of such a file: the scene, its processor time and error.
+/// A line of such a file: the scene, its CPU time and error.
 fn parse(line: &str) -> Option<(String, [f64; 2])> {
     let (scene, numbers) = line.strip_prefix('"')?.rsplit_once("\",")?;
     let numbers: Vec<f64> = numbers.split(',').map(|n| n.parse().ok()).collect::<Option<_>>()?;
@@ -33,7 +33,7 @@ fn parse(line: &str) -> Option<(String, [f64; 2])> {
     Some((scene.replace("\"\"", "\""), [cpu_s, rel_mse]))
 }
 
-/// One line a scene.
+/// One line per scene.
 pub fn markdown(points: &[Point], earlier: Option<&Ladders>) -> String {
     let mut out = "| scene | slope of the error over samples |".to_string();
     out +=
@@ -55,13 +55,14 @@ fn shown(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_string(), |value| format!("{value:.2}"))
 }
 
-/// Logarithms of the points that have them.
+/// Logarithms of the points with positive values.
 fn logarithms(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let positive = points.iter().filter(|[x, y]| *x > 0.0 && *y > 0.0);
     positive.map(|[x, y]| [x.ln(), y.ln()]).collect()
 }
 
-/// The exponent of the power law through the points, by least squares of the logarithms: -1 where samples are independent.
+/// The convergence rate: the exponent of the power law through the points, by least squares of the logarithms: -1 for
+/// independent samples.
 fn slope(points: &[[f64; 2]]) -> Option<f64> {
     let points = logarithms(points);
     let n = points.len() as f64;
@@ -71,7 +72,7 @@ fn slope(points: &[[f64; 2]]) -> Option<f64> {
     (points.len() >= 2 && variance > 0.0).then(|| covariance / variance)
 }
 
-/// By what the time to the same error fell: the geometric mean over the earlier points whose errors lie between the present ones.
+/// The speed-up at equal error: the geometric mean over the earlier points whose errors lie between the present ones.
 fn gain(before: &[[f64; 2]], now: &[[f64; 2]]) -> Option<f64> {
     let now = logarithms(now);
     let gains: Vec<f64> = (logarithms(before).iter())

@@ -1,4 +1,4 @@
-//! Files of curves, text and binary.
+//! Curve files, text and binary.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

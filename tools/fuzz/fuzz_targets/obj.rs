@@ -1,4 +1,4 @@
-//! An OBJ file; what follows a line `#mtl` is its material library.
+//! An OBJ file; text after a line `#mtl` is its material library.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! Files of sums: checkpoints and parts of pictures.
+//! Files of accumulated samples: checkpoints and partial renders.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! A scene file, alone and as the settings of a model; what follows a line `#obj` is the mesh `a.obj` that it may name.
+//! A scene file, alone and as a sidecar; text after a line `#obj` is the mesh `a.obj` that it may reference.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

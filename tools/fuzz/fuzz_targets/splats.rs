@@ -1,4 +1,4 @@
-//! Gaussian splats: an SPZ file, or what begins as a PLY.
+//! Gaussian splats: an SPZ file, or a PLY by its first bytes.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

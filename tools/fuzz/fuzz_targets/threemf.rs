@@ -1,4 +1,4 @@
-//! The XML of a 3MF package, which is put around it.
+//! The XML of a 3MF package; the target wraps it in the package.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

@@ -1,4 +1,4 @@
-//! A grid file of OpenVDB, as the medium of a box.
+//! An OpenVDB file, as the medium of a box.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;

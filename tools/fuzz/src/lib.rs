@@ -1,4 +1,4 @@
-//! What all targets share: bytes become files, which are loaded and compiled as the command line would.
+//! Shared by all targets: bytes are written to files, which are loaded and compiled as by the command line.
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::Film;
@@ -17,8 +17,8 @@ thread_local! {
     static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
 }
 
-/// Writes files into a folder and loads the first. An error is a good answer if it says something; a scene must be
-/// consistent, and compiling it must not panic.
+/// Writes files into a folder and loads the first. Errors must have a message; a scene must be consistent, and compiling it must
+/// not panic.
 pub fn check(files: &[(&str, &[u8])]) {
     FOLDER.with(|folder| {
         let folder = folder.get_or_init(|| memory_folder().expect("a temporary folder"));
@@ -29,7 +29,7 @@ pub fn check(files: &[(&str, &[u8])]) {
     });
 }
 
-/// Reads bytes as a file of sums, once as they are and once with the checksum that they should end with.
+/// Reads bytes as a partial render, once unchanged and once with a valid checksum.
 pub fn check_part(bytes: &[u8]) {
     FOLDER.with(|folder| {
         let folder = folder.get_or_init(|| memory_folder().expect("a temporary folder"));
@@ -51,7 +51,7 @@ pub fn check_part(bytes: &[u8]) {
     });
 }
 
-/// Makes a picture of a part, as merging it alone would, unless that is large.
+/// Merges a single part into a picture, unless it is large.
 fn merge_and_encode(part: PartFile) {
     let PartHeader { width, height, .. } = part.header;
     if u64::from(width) * u64::from(height) > MAX_PIXELS {
@@ -66,7 +66,7 @@ fn merge_and_encode(part: PartFile) {
     assert!(encoded.is_ok_and(|encoded| !encoded.bytes.is_empty()), "a picture that can't be encoded");
 }
 
-/// A folder that lies in memory where the system has such a place: thousands of files per second are written.
+/// A folder on a RAM disk where available: thousands of files per second are written.
 fn memory_folder() -> std::io::Result<TempDir> {
     let shared_memory = Path::new("/dev/shm");
     if shared_memory.is_dir() { TempDir::new_in(shared_memory) } else { TempDir::new() }
@@ -87,7 +87,7 @@ fn load_and_compile(path: &Path) {
     }
 }
 
-/// The part before a separator, and the part behind it (empty without one).
+/// The text before a separator, and the text after it (empty without one).
 pub fn split<'a>(bytes: &'a [u8], separator: &[u8]) -> (&'a [u8], &'a [u8]) {
     match bytes.windows(separator.len()).position(|w| w == separator) {
         Some(at) => (&bytes[..at], &bytes[at + separator.len()..]),

@@ -1,14 +1,14 @@
-//! The pictures of the gallery, in the order in which they are shown.
+//! The pictures of the gallery, in order.
 
 /// A picture.
 pub struct Entry {
     /// Its scene, below `scenes/`.
     pub scene: &'static str,
-    /// What the contact sheet says under it.
+    /// Its caption on the contact sheet.
     pub label: &'static str,
-    /// What there is to see in it.
+    /// What it shows.
     pub shows: &'static str,
-    /// How long the thesis's renderer took on one core, where the thesis says so, in seconds.
+    /// Render time of the thesis's renderer on one core, if given in the thesis, in seconds.
     pub thesis_s: Option<f64>,
 }
 
@@ -68,7 +68,7 @@ pub const ENTRIES: &[Entry] = &[
     entry("materials.toml", "materials", "the materials of scene files"),
 ];
 
-/// Those of media, motion, spectra and skies, which have a contact sheet of their own.
+/// Media, motion, spectral rendering and skies, which have a separate contact sheet.
 pub const PHYSICS: &[Entry] = &[
     entry("lamp-in-fog.toml", "lamps in fog", "light that single and multiple scattering carry"),
     entry("smoke.toml", "smoke", "a grid of densities under a low sun"),
@@ -83,8 +83,8 @@ pub const PHYSICS: &[Entry] = &[
     entry("window.toml", "window", "a room lit through portals"),
 ];
 
-/// The picture of `hero.jpg`, at the head of the guide's page on history.
+/// The picture of `hero.jpg`, at the top of the guide's page on history.
 pub const HERO: &str = "final-scene";
 
-/// The scene that is rendered with one thread and with all.
+/// The scene timed with one thread and with all.
 pub const THREADS: &str = "thesis/metals.toml";

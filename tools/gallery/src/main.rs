@@ -2,16 +2,16 @@
 //!
 //! `oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N] [--publish]`
 //!
-//! Every scene of the gallery (or those named) becomes `NAME.exr` and `NAME.png` in FOLDER, which must exist, beside
-//! `contact-sheet.png` and `.jpg`, `hero.jpg`, and `times.md`. `--quick` renders at a third of the size with an eighth of
-//! the samples: a try in a minute or two; `--draft` at full size with a quarter of the samples, enough for the contact sheet.
+//! Every scene of the gallery (or those named) becomes `NAME.exr` and `NAME.png` in FOLDER, which must exist, with `contact-
+//! sheet.png` and `.jpg`, `hero.jpg`, and `times.md`. `--quick` renders at a third of the size with an eighth of the samples: a
+//! preview in a minute or two; `--draft` at full size with a quarter of the samples, enough for the contact sheet.
 //!
-//! `physics` among the pictures stands for all of media, motion, spectra and skies; pictures of these alone become
-//! `contact-sheet-physics.png` and `.jpg`, without a table.
+//! `physics` selects media, motion, spectral rendering and skies; pictures of these alone become `contact-sheet-physics.png` and
+//! `.jpg`, without a table.
 //!
-//! `--publish` also puts the hero and the contact sheet into `assets/` and the table into the guide's page on speed.
+//! `--publish` also copies the hero and the contact sheet to `assets/` and the table into the guide's page on speed.
 //!
-//! It is run from anywhere: the scenes are those of the source tree it was built from.
+//! It can be run from anywhere: the scenes are those of the source tree it was built from.
 
 mod entries;
 mod publish;
@@ -31,7 +31,7 @@ use table::{Row, Threads};
 
 const JPEG_QUALITY: u8 = 82;
 
-/// The names of the contact sheets' files: that of the whole gallery, and that of `physics`.
+/// File names of the contact sheets: of the whole gallery, and of `physics`.
 const SHEETS: [&str; 2] = ["contact-sheet", "contact-sheet-physics"];
 
 struct Arguments {
@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn arguments_are_understood_or_refused() {
+    fn arguments_are_parsed_or_refused() {
         let all = words("out --quick --threads 3").unwrap_or_else(|e| panic!("{e}"));
         assert_eq!((all.entries.len(), all.quality.fewer, all.quality.threads), (ENTRIES.len(), 8, Some(3)));
         let some = words("out metals pyramid").unwrap_or_else(|e| panic!("{e}"));

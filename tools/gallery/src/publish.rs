@@ -1,4 +1,4 @@
-//! Puts what was rendered into the documentation: its pictures and the guide's table of times.
+//! Copies the results into the documentation: pictures and the guide's table of times.
 
 use oscura::error::{Error, Result};
 use oscura::output::write_atomically;
@@ -7,11 +7,11 @@ use std::path::Path;
 const BEGIN: &str = "<!-- times: begin -->\n";
 const END: &str = "<!-- times: end -->";
 
-/// Copies `hero.jpg` and the contact sheets (where there are some) from a folder into `assets/`, and the table into the guide's
-/// page on speed.
+/// Copies `hero.jpg` and the contact sheets (where present) from a folder into `assets/`, and the table into the guide's page on
+/// speed.
 ///
 /// # Errors
-/// Where a file can't be read or written, or that page has no place for the table.
+/// Where a file can't be read or written, or that page has no markers for the table.
 pub fn publish(folder: &Path, table: Option<&str>) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     for name in ["hero.jpg", "contact-sheet.jpg", "contact-sheet-physics.jpg"] {
@@ -32,7 +32,7 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
 }
 
-/// The text with the table between the marks.
+/// The text with the table between the markers.
 fn replace(text: &str, table: &str) -> Option<String> {
     let start = text.find(BEGIN)? + BEGIN.len();
     let end = start + text[start..].find(END)?;
@@ -44,7 +44,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_table_goes_between_the_marks() {
+    fn table_is_inserted_between_the_markers() {
         let text = format!("a\n{BEGIN}old\n{END}\nb");
         assert_eq!(replace(&text, "new\n"), Some(format!("a\n{BEGIN}new\n{END}\nb")));
         assert_eq!(replace("nothing", "new"), None);

@@ -1,10 +1,10 @@
-//! The contact sheet: all pictures small, with labels.
+//! The contact sheet: thumbnails of all pictures, with labels.
 
 use crate::shoot::Shot;
 use font8x8::legacy::BASIC_LEGACY;
 use image::{Rgb, RgbImage};
 
-/// Width and height of the space for a picture.
+/// Width and height of a thumbnail cell.
 const TILE: [u32; 2] = [256, 170];
 /// Height of a line of text.
 const LINE: u32 = 16;
@@ -13,15 +13,15 @@ const COLUMNS: u32 = 6;
 const PAPER: Rgb<u8> = Rgb([24, 24, 26]);
 const INK: Rgb<u8> = Rgb([214, 214, 208]);
 
-/// A small picture with its label.
+/// A thumbnail with its label.
 pub struct Tile {
     picture: RgbImage,
     label: String,
 }
 
 impl Tile {
-    /// Makes a picture small: the mean of the pixels that fall together, in linear light. Pictures smaller than the
-    /// space are enlarged pixel by pixel.
+    /// Downscales a picture: the mean of the pixels, in linear light. Pictures smaller than the cell are enlarged by pixel
+    /// replication.
     pub fn new(shot: &Shot, label: &str) -> Tile {
         let (w, h) = (shot.picture.film().width(), shot.picture.film().height());
         let scale = (f64::from(TILE[0]) / f64::from(w)).min(f64::from(TILE[1]) / f64::from(h));
@@ -31,7 +31,7 @@ impl Tile {
             let mut sum = [0.0f32; 3];
             let mut count = 0.0;
             for (px, py) in cover(y, size[1], h).flat_map(|py| columns.clone().map(move |px| (px, py))) {
-                // Clipped before the mean: a lamp's edge shall not spread.
+                // Clipped before averaging, so that light edges don't bleed.
                 let value = shot.linear(px, py).map(|v| v.min(shot.most()));
                 sum = std::array::from_fn(|c| sum[c] + value[c]);
                 count += 1.0;
@@ -42,14 +42,14 @@ impl Tile {
     }
 }
 
-/// The pixels of `full` that pixel `i` of `small` covers; one at least.
+/// The pixels of `full` covered by pixel `i` of `small`; at least one.
 fn cover(i: u32, small: u32, full: u32) -> std::ops::Range<u32> {
     let start = (u64::from(i) * u64::from(full) / u64::from(small)) as u32;
     let end = (u64::from(i + 1) * u64::from(full) / u64::from(small)) as u32;
     start..end.max(start + 1)
 }
 
-/// Puts the tiles onto one sheet.
+/// Composes the thumbnails.
 pub fn contact_sheet(tiles: &[Tile]) -> RgbImage {
     let columns = COLUMNS.min(tiles.len().max(1) as u32);
     let rows = (tiles.len() as u32).div_ceil(columns).max(1);
@@ -67,7 +67,7 @@ pub fn contact_sheet(tiles: &[Tile]) -> RgbImage {
     sheet
 }
 
-/// Writes text in letters of 8 x 8 pixels; what is not ASCII shows as a question mark, what is outside not at all.
+/// Draws text in letters of 8 x 8 pixels; non-ASCII characters become question marks, text outside is clipped.
 fn write(sheet: &mut RgbImage, text: &str, left: u32, top: u32) {
     for (i, c) in text.chars().enumerate() {
         let glyph = BASIC_LEGACY.get(c as usize).unwrap_or(&BASIC_LEGACY[usize::from(b'?')]);
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn letters_leave_ink_inside_their_box() {
+    fn letters_are_drawn_inside_their_box() {
         let mut sheet = RgbImage::from_pixel(40, 12, PAPER);
         write(&mut sheet, "Hi\u{20ac}", 4, 2);
         let ink: Vec<(u32, u32)> =

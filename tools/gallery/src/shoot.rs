@@ -7,43 +7,43 @@ use oscura::scene::Scene;
 use std::path::Path;
 use std::time::Instant;
 
-/// Smallest width that a picture is made narrower to.
+/// Minimum width of downscaled pictures.
 const MIN_WIDTH: u32 = 100;
 
-/// How to render all scenes.
+/// Settings for all scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct Quality {
-    /// Divides widths and heights, of large pictures.
+    /// Divisor of widths and heights, of large pictures.
     pub shrink: u32,
-    /// Divides samples.
+    /// Divisor of samples.
     pub fewer: u32,
-    /// Threads; all cores without.
+    /// Threads; default all cores.
     pub threads: Option<usize>,
 }
 
-/// A picture with what it took.
+/// A picture with its statistics.
 pub struct Shot {
     /// The picture.
     pub picture: Picture,
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub samples: u32,
-    /// Reading and compiling, seconds.
+    /// Loading and compiling, seconds.
     pub load_s: f64,
     /// Rendering, seconds.
     pub render_s: f64,
-    /// Rendering, seconds of all cores together.
+    /// Rendering, CPU seconds of all threads.
     pub render_cpu_s: f64,
     /// Exposure of the PNG, stops.
     exposure: f32,
-    /// How it becomes colours to look at.
+    /// View transform.
     view: ViewTransform,
 }
 
 impl Shot {
-    /// Reads, compiles and renders a scene.
+    /// Loads, compiles and renders a scene.
     ///
     /// # Errors
-    /// What loading and compiling report, and warnings too: the scenes of the gallery have none.
+    /// Errors and warnings of loading and compiling: the scenes of the gallery have none.
     pub fn take(path: &Path, quality: Quality) -> Result<Shot> {
         in_pool(quality.threads, || Shot::take_here(path, quality))?
     }
@@ -87,17 +87,17 @@ impl Shot {
         Ok(())
     }
 
-    /// Linear RGB as 8-bit colours, by the picture's view.
+    /// Linear RGB as 8-bit colours, by the picture's view transform.
     pub fn encode(&self, linear: [f32; 3]) -> [u8; 3] {
         self.view.encode(linear).map(|v| (v * 255.0).round().clamp(0.0, 255.0) as u8)
     }
 
-    /// Brighter than what the view can show.
+    /// Luminance above the range of the view transform.
     pub fn most(&self) -> f32 {
         if self.view == ViewTransform::Srgb { 1.0 } else { 16.0 }
     }
 
-    /// The picture on black as linear RGB times its exposure.
+    /// The picture over black as linear RGB times its exposure.
     pub fn linear(&self, x: u32, y: u32) -> [f32; 3] {
         let [r, g, b, _] = self.picture.film().mean_rgba(x, y);
         [r, g, b].map(|v| v * self.exposure.exp2())

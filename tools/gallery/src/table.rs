@@ -1,15 +1,15 @@
-//! Times as a table.
+//! A table of render times.
 
 use crate::entries::Entry;
 use crate::shoot::Shot;
 use std::fmt::Write;
 
-/// What a picture took.
+/// Statistics of a picture.
 pub struct Row {
     entry: &'static Entry,
     size: [u32; 2],
     samples: u32,
-    /// In the size and with the samples of its scene, so that it may stand beside the thesis's.
+    /// At the size and sample count of its scene, so that it is comparable to the thesis's.
     is_whole: bool,
     load_s: f64,
     render_s: f64,
@@ -33,17 +33,17 @@ impl Row {
 
 /// Two runs of one scene.
 pub struct Threads {
-    /// Which.
+    /// The scene.
     pub scene: &'static str,
     /// Threads of the second run.
     pub threads: usize,
-    /// Seconds with one thread, and with that many.
+    /// Seconds with one thread, and with all.
     pub seconds: [f64; 2],
-    /// Are all bits of the pictures the same?
+    /// Are the pictures bitwise identical?
     pub is_equal: bool,
 }
 
-/// A table in markdown, with the sum of the times.
+/// A markdown table, with the total time.
 pub fn markdown(rows: &[Row], threads: Option<&Threads>) -> String {
     let mut text = String::from(
         "| Picture | Shows | Pixels | Samples | Load s | Render s | Core s | Thesis, one core |\n\

@@ -1,14 +1,14 @@
-//! A gate for speed that a busy machine doesn't fool: counts the instructions that small pictures take, by callgrind, and
-//! compares them with recorded numbers.
+//! A performance regression test that is independent of machine load: counts the instructions of small renders with callgrind,
+//! and compares them with recorded numbers.
 //!
 //! ```text
 //! oscura-instructions [PROGRAM] [--bound RATIO]     exit code 1 if a scene takes more than RATIO (1.01) of its number
 //! oscura-instructions [PROGRAM] --record            writes the numbers to counts.txt
 //! ```
 //!
-//! Without PROGRAM it is target/release/oscura. The numbers hold for one compiler, one valgrind and what callgrind's
-//! processor can do (AVX2, whatever the machine has); the file says which, and other tools are told but fail nothing.
-//! Reading, building and rendering count, on one thread. See README.md.
+//! Without PROGRAM it is target/release/oscura. The numbers hold for one compiler, one valgrind and the instruction sets of
+//! callgrind's virtual CPU (AVX2, on any machine); the file records these, and a difference is reported without failing.
+//! Loading, building and rendering are counted, on one thread. See README.md.
 
 mod record;
 
@@ -31,7 +31,7 @@ const SCENES: &[&str] = &[
     "scenes/triplanar.toml",
 ];
 
-/// What every picture is rendered with.
+/// Options of all renders.
 const COMMON: &[&str] = &[
     "--width",
     "48",
@@ -49,19 +49,19 @@ const COMMON: &[&str] = &[
 
 const USAGE: &str = "usage: oscura-instructions [PROGRAM] [--bound RATIO | --record]";
 
-/// What the user asks for.
+/// Command-line arguments.
 #[derive(Debug, PartialEq)]
 struct Arguments {
-    /// The program that is counted.
+    /// The program to count.
     program: PathBuf,
     task: Task,
 }
 
 #[derive(Debug, PartialEq)]
 enum Task {
-    /// Write the numbers.
+    /// Record the numbers.
     Record,
-    /// No scene may take more than this many times its number.
+    /// Maximum ratio to the recorded numbers.
     Compare(f64),
 }
 
@@ -112,7 +112,7 @@ fn recorded() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("counts.txt")
 }
 
-/// Counts all scenes and writes the numbers.
+/// Counts all scenes and records the numbers.
 fn record(program: &Path) -> Result<ExitCode> {
     let mut record = Record { made_with: made_with()?, counts: Vec::new() };
     for scene in SCENES {
@@ -124,7 +124,7 @@ fn record(program: &Path) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Counts all scenes and prints how they stand to the recorded numbers. Those of other tools are shown, but fail nothing.
+/// Counts all scenes and compares with the recorded numbers. Differences of other tool versions are shown without failing.
 fn compare(program: &Path, bound: f64) -> Result<ExitCode> {
     let path = recorded();
     let text = std::fs::read_to_string(&path)
@@ -152,7 +152,7 @@ fn compare(program: &Path, bound: f64) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(is_same && more > 0)))
 }
 
-/// Instructions that a picture takes.
+/// Instructions of a render.
 fn count(program: &Path, scene: &str) -> Result<u64> {
     let folder = tempfile::tempdir()?;
     let output = Command::new("valgrind")
@@ -185,7 +185,7 @@ fn made_with() -> Result<String> {
 }
 
 #[test]
-fn arguments_say_what_to_do() {
+fn arguments_are_parsed() {
     let built = root().join("target/release/oscura");
     let parsed = |words: &[&str]| Arguments::parse(words).ok();
     assert_eq!(parsed(&[]), Some(Arguments { program: built.clone(), task: Task::Compare(1.01) }));

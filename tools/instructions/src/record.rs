@@ -1,21 +1,21 @@
-//! Recorded numbers as a text: what they were made with, then a scene and its number in each line.
+//! The record as text: tool versions, then a scene and its count per line.
 
 use crate::Result;
 
-/// Start of the line that says what the numbers were made with.
+/// Prefix of the line with tool versions.
 const MADE_WITH: &str = "# ";
 
-/// Numbers of instructions.
+/// Instruction counts.
 #[derive(Debug, PartialEq)]
 pub struct Record {
-    /// Versions of what has a part in the numbers.
+    /// Versions of the tools that affect the counts.
     pub made_with: String,
     /// By scene.
     pub counts: Vec<(String, u64)>,
 }
 
 impl Record {
-    /// The number of a scene.
+    /// The count of a scene.
     pub fn count(&self, scene: &str) -> Option<u64> {
         self.counts.iter().find(|(name, _)| name == scene).map(|(_, count)| *count)
     }
@@ -26,10 +26,10 @@ impl Record {
         format!("{MADE_WITH}{}\n{lines}", self.made_with)
     }
 
-    /// Reads such a text.
+    /// Parses such a text.
     ///
     /// # Errors
-    /// The line that is no scene with a number other than 0.
+    /// The first line that is not a scene with a positive count.
     pub fn parse(text: &str) -> Result<Record> {
         let mut record = Record { made_with: String::new(), counts: Vec::new() };
         for line in text.lines() {
@@ -46,7 +46,7 @@ impl Record {
 }
 
 #[test]
-fn records_are_read_as_they_are_written() {
+fn records_round_trip() {
     let record =
         Record { made_with: "a 1, b 2".into(), counts: vec![("x".into(), 3), ("y".into(), u64::MAX)] };
     assert_eq!(Record::parse(&record.to_text()).expect("sound"), record);

@@ -1,4 +1,4 @@
-//! The parsers without any checks or conversions, used as their documentation shows.
+//! The parsers alone, without checks or conversions, used as documented.
 
 use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -49,7 +49,7 @@ impl PropertyAccess for Face {
     }
 }
 
-/// Reads a PLY file by `ply-rs` into typed records; gives the bytes that these take.
+/// Reads a PLY file by `ply-rs` into typed records; returns their size in bytes.
 pub fn ply(path: &Path) -> Result<u64, String> {
     let mut reader = Reader::new(BufReader::new(File::open(path).map_err(|e| e.to_string())?));
     let header = Parser::<Vertex>::new().read_header(&mut reader).map_err(|e| e.to_string())?;
@@ -73,7 +73,7 @@ pub fn ply(path: &Path) -> Result<u64, String> {
     Ok(4 * (corners + numbers) as u64)
 }
 
-/// Reads an OBJ file by `tobj` with its options for graphics cards; gives the bytes that the result takes.
+/// Reads an OBJ file by `tobj` with its GPU options; returns the size of the result in bytes.
 pub fn obj(path: &Path) -> Result<u64, String> {
     let mut reader = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
     let options = tobj::GPU_LOAD_OPTIONS;

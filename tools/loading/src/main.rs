@@ -1,8 +1,7 @@
-//! Times `load` on the same mesh as PLY, OBJ and GLB against the parser alone and against a plain copy of the file
-//! into memory. Every reading runs in a process of its own, so that its peak memory is its own; the readings of a
-//! round follow one another, and the fastest of all rounds counts.
+//! Times `load` of the same mesh as PLY, OBJ and GLB against the parser alone and against copying the file into memory. Every
+//! measurement runs in a process of its own, to measure its peak memory; the minimum over all rounds counts.
 //!
-//! `--stages` prints what a single file takes on the way to its first ray.
+//! `--stages` prints the stages from a single file to its first ray.
 //!
 //! ```text
 //! oscura-loading FOLDER [ROUNDS]     FOLDER holds mesh.ply, mesh.obj and mesh.glb (oscura-assets mesh); 5 rounds
@@ -17,7 +16,7 @@ use std::path::Path;
 use std::process::{Command, ExitCode};
 use std::time::Instant;
 
-/// One way to read one file.
+/// A way to read a file.
 const READINGS: [(&str, &str); 8] = [
     ("mesh.ply", "copy"),
     ("mesh.ply", "ply-rs"),
@@ -29,10 +28,10 @@ const READINGS: [(&str, &str); 8] = [
     ("mesh.glb", "oscura"),
 ];
 
-/// What one reading took.
+/// A measurement.
 struct Measured {
     seconds: f64,
-    /// Largest resident size, in bytes.
+    /// Peak resident size, in bytes.
     peak: u64,
     /// Size of the result in memory, in bytes.
     result: u64,
@@ -83,7 +82,7 @@ fn report(m: &Measured) -> Result<(), String> {
     Ok(())
 }
 
-/// Largest resident size of this process so far, in bytes (Linux).
+/// Peak resident size of this process so far, in bytes (Linux).
 fn peak() -> Result<u64, String> {
     status("VmHWM:")
 }
@@ -101,7 +100,7 @@ fn status(key: &str) -> Result<u64, String> {
     kib.map(|k| k * 1024).ok_or_else(|| format!("/proc/self/status has no {key}"))
 }
 
-/// Runs all readings `rounds` times and prints the fastest of each.
+/// Runs all measurements `rounds` times and prints the fastest of each.
 fn table(folder: &Path, rounds: usize) -> Result<(), String> {
     let mut best: Vec<Option<Measured>> = READINGS.iter().map(|_| None).collect();
     for _ in 0..rounds {
@@ -113,7 +112,7 @@ fn table(folder: &Path, rounds: usize) -> Result<(), String> {
         }
     }
     println!("| File | Read by | s | peak MB | peak / mesh |\n|---|---|---|---|---|");
-    // What `oscura` holds at the end is the mesh.
+    // The final result of `oscura` is the mesh.
     let mesh = best.iter().zip(READINGS).find(|(_, r)| r.1 == "oscura").and_then(|(b, _)| b.as_ref());
     let mesh = mesh.map_or(1, |m| m.result) as f64;
     for (measured, (file, reader)) in best.iter().zip(READINGS) {

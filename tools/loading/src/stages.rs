@@ -1,4 +1,4 @@
-//! What a file of many triangles takes before its first ray, by stage.
+//! Time and memory of a large mesh before its first ray, by stage.
 
 use crate::{peak, resident};
 use cpu_time::ProcessTime;
@@ -7,7 +7,7 @@ use oscura::load::{LoadOptions, load};
 use std::path::Path;
 use std::time::Instant;
 
-/// What a stage began with.
+/// State at the start of a stage.
 struct Begin {
     wall: Instant,
     cpu: ProcessTime,
@@ -16,12 +16,12 @@ struct Begin {
 
 impl Begin {
     fn now() -> Result<Begin, String> {
-        // The largest size so far starts anew (Linux, `man 5 proc`).
+        // Resets the peak resident size (Linux, `man 5 proc`).
         std::fs::write("/proc/self/clear_refs", "5").map_err(|e| format!("/proc/self/clear_refs: {e}"))?;
         Ok(Begin { wall: Instant::now(), cpu: ProcessTime::now(), resident: resident()? })
     }
 
-    /// A row of the table: time, and bytes per triangle more than at the start, at the peak and left.
+    /// A row of the table: time, and bytes per triangle relative to the start, at the peak and at the end.
     fn end(self, name: &str, triangles: u64) -> Result<(), String> {
         let (wall, cpu) = (self.wall.elapsed().as_secs_f64(), self.cpu.elapsed().as_secs_f64());
         let each = |bytes: u64| (bytes as f64 - self.resident as f64) / triangles.max(1) as f64;
@@ -30,7 +30,7 @@ impl Begin {
     }
 }
 
-/// Loads and compiles a file twice, for a fast and for a full tree, and prints a table.
+/// Loads and compiles a file twice, for a fast and a high-quality BVH, and prints a table.
 pub fn table(file: &Path) -> Result<(), String> {
     println!("| stage | s | s of processor | bytes per triangle at the peak | left |\n|---|---|---|---|---|");
     let begin = Begin::now()?;

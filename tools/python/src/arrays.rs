@@ -1,4 +1,4 @@
-//! Numbers from Python: lists, tuples and numpy arrays of any number type.
+//! Numeric arguments from Python: lists, tuples and numpy arrays of any number type.
 
 use super::errors::usage;
 use numpy::{AllowTypeChange, PyArrayLike2, PyArrayMethods, PyUntypedArrayMethods};
@@ -42,7 +42,7 @@ pub fn triangles(numbers: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<[u32;
     array.outer_iter().map(|row| Ok([index(row[0])?, index(row[1])?, index(row[2])?])).collect()
 }
 
-/// An affine map from rows: 3 x 4, or 4 x 4 with (0, 0, 0, 1) below.
+/// An affine transform from rows: 3 x 4, or 4 x 4 with (0, 0, 0, 1) below.
 pub fn transform(matrix: Option<&Bound<'_, PyAny>>) -> PyResult<DAffine3> {
     let Some(matrix) = matrix else { return Ok(DAffine3::IDENTITY) };
     let wrong = || PyTypeError::new_err("transform must be a 3 x 4 or 4 x 4 matrix of numbers");
@@ -59,7 +59,7 @@ pub fn transform(matrix: Option<&Bound<'_, PyAny>>) -> PyResult<DAffine3> {
     Ok(DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3)))
 }
 
-/// An image of H x W or H x W x C numbers, C from 1 to 4: bytes as they are in files, floats linear.
+/// An image of H x W or H x W x C numbers, C from 1 to 4: bytes encoded as in files, floats linear.
 pub fn image(name: &str, pixels: &Bound<'_, PyAny>, is_srgb: Option<bool>) -> PyResult<Image> {
     let numpy = pixels.py().import("numpy")?;
     let array = numpy.call_method1("atleast_3d", (pixels,))?;

@@ -1,4 +1,4 @@
-//! Choices that are made by a word.
+//! Enumerations given as strings.
 
 use super::errors::usage;
 use oscura::load::Up;
@@ -10,10 +10,10 @@ use pyo3::PyResult;
 use std::path::Path;
 use std::str::FromStr;
 
-/// As many as the program takes.
+/// The program's limit.
 const MAX_THREADS: usize = 1024;
 
-/// What a word stands for in a list of choices.
+/// Looks up a string in a list of choices.
 fn choose<T: Clone>(argument: &str, word: &str, choices: &[(&str, T)]) -> PyResult<T> {
     let found = choices.iter().find(|(name, _)| *name == word).map(|(_, value)| value.clone());
     found.ok_or_else(|| {
@@ -35,7 +35,7 @@ pub fn glass(word: &str) -> PyResult<Glass> {
     choose("glass", word, &choices)
 }
 
-/// What the numbers of lights mean.
+/// Units of light intensities.
 pub fn light_units(word: &str) -> PyResult<LightUnits> {
     let choices = [
         ("auto", LightUnits::Auto),
@@ -46,7 +46,7 @@ pub fn light_units(word: &str) -> PyResult<LightUnits> {
     choose("light_units", word, &choices)
 }
 
-/// What lights scenes without light.
+/// Default lighting for scenes without light.
 pub fn stage(word: &str) -> PyResult<StageLight> {
     let choices = [
         ("studio", StageLight::Studio),
@@ -59,12 +59,12 @@ pub fn stage(word: &str) -> PyResult<StageLight> {
     choose("stage", word, &choices)
 }
 
-/// What bare models stand on.
+/// Ground of bare models.
 pub fn ground(word: &str) -> PyResult<Ground> {
     choose("ground", word, &[("none", Ground::None), ("shadow", Ground::Shadow), ("floor", Ground::Floor)])
 }
 
-/// The angle of creases in radians, from degrees.
+/// The crease angle in radians, from degrees.
 pub fn crease(degrees: Option<f64>) -> PyResult<Option<f64>> {
     match degrees {
         Some(angle) if !(0.0..=180.0).contains(&angle) => Err(usage("smooth must be 0 to 180 degrees")),
@@ -72,7 +72,7 @@ pub fn crease(degrees: Option<f64>) -> PyResult<Option<f64>> {
     }
 }
 
-/// Catmull-Clark subdivision, so many times.
+/// Catmull-Clark subdivision levels.
 pub fn subdivision(levels: Option<u32>) -> PyResult<Option<Subdivision>> {
     match levels {
         Some(levels) if levels > MAX_LEVELS => Err(usage(format!("subdivide must be 0 to {MAX_LEVELS}"))),
@@ -80,12 +80,12 @@ pub fn subdivision(levels: Option<u32>) -> PyResult<Option<Subdivision>> {
     }
 }
 
-/// From where bare models are seen.
+/// Default view direction for bare models.
 pub fn view_from(word: &str) -> PyResult<ViewFrom> {
     ViewFrom::from_str(word).map_err(|message| usage(format!("view_from='{word}' {message}")))
 }
 
-/// How pictures to look at come about.
+/// View transform.
 pub fn view(word: &str) -> PyResult<ViewTransform> {
     if ViewTransform::is_file(word) {
         return read_view(Path::new(word)).map_err(|message| usage(format!("{word}: {message}")));
@@ -94,7 +94,7 @@ pub fn view(word: &str) -> PyResult<ViewTransform> {
     choose("view", word, &choices)
 }
 
-/// What is parsed from a word.
+/// Parses a string.
 pub fn parsed<T: FromStr>(argument: &str, word: &str) -> PyResult<T>
 where
     T::Err: std::fmt::Display,
@@ -102,7 +102,7 @@ where
     word.parse().map_err(|error| usage(format!("{argument}='{word}': {error}")))
 }
 
-/// A number of threads, if it is one that can be.
+/// Validates a number of threads.
 pub fn checked_threads(count: Option<usize>) -> PyResult<Option<usize>> {
     match count.is_none_or(|count| (1..=MAX_THREADS).contains(&count)) {
         true => Ok(count),

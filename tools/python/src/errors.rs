@@ -1,4 +1,4 @@
-//! The renderer's errors as exceptions, with its own text.
+//! Errors of the renderer as Python exceptions, with the same message.
 
 use oscura::error::{Choice, ErrorKind, Warning};
 use pyo3::create_exception;
@@ -21,7 +21,7 @@ pub fn raised(error: oscura::Error) -> PyErr {
     }
 }
 
-/// What is wrong with an argument.
+/// An error about an argument.
 pub fn usage(message: impl Into<String>) -> PyErr {
     UsageError::new_err(message.into())
 }
@@ -31,7 +31,7 @@ pub fn texts(warnings: &[Warning]) -> Vec<String> {
     warnings.iter().map(|warning| in_words_of_python(warning.to_string())).collect()
 }
 
-/// How a choice is made here.
+/// The Python argument of a choice.
 fn argument(choice: Choice) -> &'static str {
     match choice {
         Choice::AllowExternal => "allow_external=True",
@@ -57,7 +57,7 @@ fn argument(choice: Choice) -> &'static str {
     }
 }
 
-/// The library's names of choices, replaced by those of the arguments that make them here.
+/// Replaces the library's names of choices by those of Python arguments.
 fn in_words_of_python(mut text: String) -> String {
     for choice in Choice::ALL {
         let term = choice.to_string();

@@ -16,13 +16,13 @@ mod watch;
 use pyo3::prelude::*;
 use std::ffi::OsString;
 
-/// Runs the program with these words, the first of which is its name; returns its exit code.
+/// Runs the program with these arguments, the first of which is its name; returns its exit code.
 #[pyfunction]
 fn run_program(py: Python<'_>, words: Vec<OsString>) -> u8 {
     py.detach(|| oscura::cli::main(words.into_iter()))
 }
 
-/// The names of all AOVs, with what each shows.
+/// The names of all AOVs, with descriptions.
 #[pyfunction]
 fn aovs() -> Vec<(&'static str, &'static str)> {
     let all = oscura::film::Aov::ALL.iter().map(|aov| aov.info());

@@ -10,7 +10,7 @@ use oscura::scene::{
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
-/// A picture of an environment.
+/// An environment image.
 #[derive(FromPyObject)]
 enum Panorama<'py> {
     File(PathBuf),
@@ -72,7 +72,7 @@ impl Scene {
         self.add_light(light, name, group)
     }
 
-    /// One radiance from everywhere, a blend from straight down to straight up, or a picture.
+    /// A constant radiance, a gradient from straight down to straight up, or an image.
     #[pyo3(signature = (*, color=None, nadir=None, zenith=None, image=None, strength=1.0, rotation=0.0))]
     fn set_environment(
         &mut self,
@@ -171,7 +171,7 @@ impl Scene {
 }
 
 impl Scene {
-    /// Reads and adds a picture of an environment.
+    /// Loads and adds an environment image.
     fn panorama(&mut self, panorama: Panorama<'_>) -> PyResult<oscura::scene::ImageId> {
         let image = match panorama {
             Panorama::File(path) => {

@@ -9,7 +9,7 @@ use oscura::scene::{
 };
 use pyo3::prelude::*;
 
-/// How textures go on outside 0..1.
+/// Texture wrap modes.
 fn wrap(word: &str) -> PyResult<Wrap> {
     match word {
         "repeat" => Ok(Wrap::Repeat),
@@ -46,7 +46,7 @@ impl Scene {
         Ok(scene.add_texture(texture).0)
     }
 
-    /// Adds a material of glTF; returns its id.
+    /// Adds a glTF material; returns its id.
     #[pyo3(signature = (
         name="", *, base_color=[1.0; 3], base_color_texture=None, metallic=0.0, roughness=0.5,
         metallic_roughness_texture=None, normal_texture=None, normal_scale=1.0, ior=1.5, specular=1.0, transmission=0.0,
@@ -140,7 +140,7 @@ impl Scene {
         self.add(Material::new(name, Model::Lambert { albedo }))
     }
 
-    /// Adds a metal, by its colour or by its index of refraction; returns its id.
+    /// Adds a metal, by its colour or by its complex index of refraction; returns its id.
     #[pyo3(signature = (name="", *, color=None, eta=None, k=None, roughness=0.2))]
     fn add_metal(
         &mut self,
@@ -179,7 +179,7 @@ impl Scene {
         self.add(Material::new(name, model))
     }
 
-    /// Adds a black material that shines; returns its id.
+    /// Adds a black emissive material; returns its id.
     #[pyo3(signature = (name="", *, radiance, two_sided=false))]
     fn add_emitter(&mut self, name: &str, radiance: [f32; 3], two_sided: bool) -> PyResult<u32> {
         self.add(Material::emitter(name, radiance, two_sided))

@@ -1,4 +1,4 @@
-//! Meshes, their placements, and shapes.
+//! Meshes, instances, and shapes.
 
 use super::arrays::{rows, transform, triangles};
 use super::errors::usage;
@@ -6,7 +6,7 @@ use super::scene::{Scene, checked};
 use oscura::scene::{Instance, MaterialId, Mesh, MeshId, Quad, Shape};
 use pyo3::prelude::*;
 
-/// Refuses lists that don't have an entry for each vertex.
+/// Refuses lists whose length is not the number of vertices.
 fn one_each<T>(argument: &str, list: &[T], vertices: usize) -> PyResult<()> {
     match list.is_empty() || list.len() == vertices {
         true => Ok(()),
@@ -23,7 +23,7 @@ impl Scene {
 
 #[pymethods]
 impl Scene {
-    /// Adds a mesh, which is seen where `add_instance` places it; returns its id.
+    /// Adds a mesh, visible through `add_instance`; returns its id.
     #[pyo3(signature = (positions, triangles, material, *, normals=None, uvs=None, colors=None, name=""))]
     fn add_mesh(
         &mut self,
@@ -51,7 +51,7 @@ impl Scene {
         Ok(self.scene_mut()?.add_mesh(mesh).0)
     }
 
-    /// Places a mesh.
+    /// Adds an instance of a mesh.
     #[pyo3(signature = (mesh, transform=None, *, material=None, name=""))]
     fn add_instance(
         &mut self,

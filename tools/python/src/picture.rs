@@ -1,4 +1,4 @@
-//! The class of pictures: arrays by the names of channels, and files.
+//! The class of pictures: arrays by channel name, and files.
 
 use super::choices;
 use super::errors::{raised, texts, usage};
@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyIterator, PyList};
 use std::path::PathBuf;
 
-/// What colour is called.
+/// The name of the colour channel.
 const COLOR: &str = "color";
 
 /// A rendered picture.
@@ -21,7 +21,7 @@ pub struct Picture {
     is_filmic: bool,
 }
 
-/// What users call a channel: an AOV by its name in `aovs`, others by that of their layer in files.
+/// The user's name of a channel: an AOV by its name in `aovs`, others by their layer in files.
 fn key(index: usize, channel: &Channel) -> String {
     let first = channel.names.first().map_or("", |name| name.as_ref());
     let aov = Aov::ALL.iter().map(|aov| aov.info()).find(|info| info.names[0] == first);
@@ -50,7 +50,7 @@ fn interleaved<'py, T: numpy::Element + Copy>(
 }
 
 impl Picture {
-    /// One that was rendered.
+    /// A rendered picture.
     pub fn of(picture: oscura::Picture, is_filmic: bool) -> Picture {
         Picture { picture, is_filmic }
     }
@@ -96,7 +96,7 @@ impl Picture {
         self.picture.film().channels().iter().enumerate().map(|(i, channel)| key(i, channel)).collect()
     }
 
-    /// The names that a channel's components have in files.
+    /// The component names of a channel in files.
     fn components(&self, name: &str) -> PyResult<Vec<String>> {
         let channels = self.picture.film().channels();
         let found = channels.iter().enumerate().find(|(i, channel)| key(*i, channel) == name);
@@ -133,7 +133,7 @@ impl Picture {
         PyList::new(py, self.keys())?.into_any().try_iter()
     }
 
-    /// The picture as displays take it: H x W x 4 bytes, straight alpha.
+    /// The picture for display: H x W x 4 bytes, straight alpha.
     #[pyo3(signature = (*, view=None, exposure=None, white_balance=None, dither=false))]
     fn rgba8<'py>(
         &self,
@@ -151,7 +151,7 @@ impl Picture {
         Ok(array.into_pyarray(py).into_any())
     }
 
-    /// Writes .exr, .png, .jpg, .tif, .webp or .hdr; returns warnings about what the file can't hold.
+    /// Writes .exr, .png, .jpg, .tif, .webp or .hdr; returns warnings about unsupported contents.
     #[pyo3(signature = (path, *, float32=false, view=None, exposure=None, white_balance=None, dither=false, deep=false))]
     #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn save(
@@ -172,13 +172,13 @@ impl Picture {
         Ok(texts(&warnings))
     }
 
-    /// What was ignored, approximated or repaired on the way to the picture.
+    /// What was ignored, approximated or repaired.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         texts(self.picture.warnings())
     }
 
-    /// What rendering took.
+    /// Render statistics.
     #[getter]
     fn statistics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let statistics = self.picture.statistics();
@@ -210,7 +210,7 @@ impl Picture {
     }
 }
 
-/// Integers, of a component that has such.
+/// Integers, for integer components.
 fn integers(values: &Values) -> Option<Vec<u32>> {
     match values {
         Values::Uint(values) => Some(values.clone()),

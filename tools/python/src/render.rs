@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use std::sync::mpsc::Sender;
 use std::time::Duration;
 
-/// AOVs by their names; `all` stands for all.
+/// AOVs by name; `all` selects all.
 fn aov_set(names: &[String]) -> PyResult<AovSet> {
     names.iter().try_fold(AovSet::NONE, |set, name| match name.as_str() {
         "all" => Ok(AovSet::all()),
@@ -20,7 +20,7 @@ fn aov_set(names: &[String]) -> PyResult<AovSet> {
     })
 }
 
-/// Renders until it is done or stopped.
+/// Renders until finished or stopped.
 fn run(renderer: Renderer, news: Sender<Progress>) -> oscura::Result<oscura::Picture> {
     let renderer = renderer.on_event(move |event| {
         if let Event::Progress { samples_done, samples_total, elapsed, .. } = event {
@@ -102,7 +102,7 @@ pub fn render(
     Ok(Picture::of(picture.map_err(raised)?, is_filmic))
 }
 
-/// Makes a choice that may have been left open.
+/// Applies an optional choice.
 fn chosen<T>(renderer: Renderer, choice: Option<T>, make: impl Fn(Renderer, T) -> Renderer) -> Renderer {
     match choice {
         Some(value) => make(renderer, value),

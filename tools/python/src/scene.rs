@@ -1,4 +1,4 @@
-//! The class of scenes; what is put into them stands in `materials.rs`, `objects.rs` and `lights.rs`.
+//! The class of scenes; methods that add to them are in `materials.rs`, `objects.rs` and `lights.rs`.
 
 use super::errors::{InputError, texts, usage};
 use super::stage::{BackgroundArgument, Stage};
@@ -10,46 +10,46 @@ use std::sync::Arc;
 #[pyclass(module = "oscura")]
 pub struct Scene {
     loaded: Arc<Loaded>,
-    /// No colour of the background was chosen that would have to look as it was given.
+    /// No background colour was set, which would have to be displayed exactly.
     is_view_open: bool,
 }
 
 impl Scene {
-    /// A scene that was loaded.
+    /// A loaded scene.
     pub fn of(loaded: Loaded, is_view_open: bool) -> Scene {
         Scene { loaded: Arc::new(loaded), is_view_open }
     }
 
-    /// To render it.
+    /// For rendering.
     pub fn shared(&self) -> Arc<Loaded> {
         self.loaded.clone()
     }
 
-    /// A stage lights it, and its pictures to look at are to have the filmic view.
+    /// Lit by the stage, and displayed with the filmic view transform.
     pub fn is_filmic(&self) -> bool {
         self.is_view_open && self.loaded.is_stage_lit
     }
 
-    /// To change it.
+    /// For changes.
     ///
     /// # Errors
-    /// While another thread builds what a rendering needs of it.
+    /// While another thread compiles the scene.
     pub fn loaded_mut(&mut self) -> PyResult<&mut Loaded> {
         Arc::get_mut(&mut self.loaded).ok_or_else(|| {
             usage("another thread is loading the scene into the renderer; change it afterwards")
         })
     }
 
-    /// To change what is in it.
+    /// For changes of its contents.
     ///
     /// # Errors
-    /// While another thread builds what a rendering needs of it.
+    /// While another thread compiles the scene.
     pub fn scene_mut(&mut self) -> PyResult<&mut oscura::scene::Scene> {
         Ok(&mut self.loaded_mut()?.scene)
     }
 }
 
-/// An id, if it is that of one of `count` things.
+/// An id, if it is below `count`.
 pub fn checked(what: &str, id: u32, count: usize) -> PyResult<u32> {
     match (id as usize) < count {
         true => Ok(id),
@@ -77,25 +77,25 @@ impl Scene {
         texts(&self.loaded.warnings)
     }
 
-    /// Choices that were made.
+    /// Automatic choices.
     #[getter]
     fn notes(&self) -> Vec<String> {
         texts(&self.loaded.notes)
     }
 
-    /// Names of the cameras; the first is used unless another is asked for.
+    /// Names of the cameras; the first is the default.
     #[getter]
     fn cameras(&self) -> Vec<String> {
         self.loaded.scene.cameras.iter().map(|camera| camera.name.clone()).collect()
     }
 
-    /// Names of the materials, by their ids.
+    /// Names of the materials, by id.
     #[getter]
     fn materials(&self) -> Vec<String> {
         self.loaded.scene.materials.iter().map(|material| material.name.clone()).collect()
     }
 
-    /// Triangles as they are seen: those of all placed meshes.
+    /// Number of triangles including instances.
     #[getter]
     fn triangles(&self) -> usize {
         let scene = &self.loaded.scene;
@@ -103,7 +103,7 @@ impl Scene {
         scene.instances.iter().filter_map(of).map(|mesh| mesh.triangles.len()).sum()
     }
 
-    /// Adds what is missing: a camera that frames everything, light, a ground.
+    /// Adds what is missing: a camera that frames everything, lights, a ground.
     #[pyo3(signature = (*, stage="studio", ground=None, background=None, view_from=None, zoom=1.0, fov=30.0))]
     fn complete(
         &mut self,
@@ -123,7 +123,7 @@ impl Scene {
         Ok(())
     }
 
-    /// Raises an error with all that is wrong with the scene.
+    /// Raises an error with all problems of the scene.
     fn validate(&self) -> PyResult<()> {
         let problems: Vec<String> =
             self.loaded.scene.validate().iter().map(|problem| problem.to_string()).collect();

@@ -1,18 +1,18 @@
-//! How bare models are shown.
+//! The stage for bare models.
 
 use super::choices;
 use super::errors::usage;
 use oscura::load::stage::{Background, StageOptions};
 use pyo3::prelude::*;
 
-/// What is behind everything, from Python.
+/// The background, from Python.
 #[derive(FromPyObject)]
 pub enum BackgroundArgument {
     Word(String),
     Color([f32; 3]),
 }
 
-/// How bare models are shown, by words.
+/// Stage options as strings.
 pub struct Stage<'a> {
     pub stage: &'a str,
     pub ground: Option<&'a str>,
@@ -23,7 +23,7 @@ pub struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// No colour of the background is chosen that has to look as it was given.
+    /// No background colour is set that has to be displayed exactly.
     pub fn is_view_open(&self) -> bool {
         self.stage != "white" && !matches!(self.background, Some(BackgroundArgument::Color(_)))
     }

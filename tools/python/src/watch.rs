@@ -1,4 +1,4 @@
-//! Work in a thread of its own, without Python's lock, while Python's signals are looked after.
+//! Runs work in a thread of its own, without the GIL, while handling Python's signals.
 
 use oscura::render::CancelHandle;
 use pyo3::prelude::*;
@@ -6,19 +6,19 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
-/// How often signals are looked for.
+/// Interval between signal checks.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// How far work is.
+/// Progress of the work.
 #[derive(Clone, Copy)]
 pub struct Progress {
-    /// Of all samples, 0..1.
+    /// Fraction of all samples, 0..1.
     pub share: f64,
     pub elapsed: Duration,
 }
 
 /// Does the work, and calls `listener(share, seconds)` in the calling thread meanwhile. Ctrl-C and exceptions of the listener
-/// use the handle; they are raised when the work has ended.
+/// stop it by the handle; they are raised when the work has ended.
 pub fn watched<R: Send>(
     py: Python<'_>,
     cancel: &CancelHandle,
@@ -47,7 +47,7 @@ pub fn watched<R: Send>(
     })
 }
 
-/// Waits for progress; the last of them, and whether there will be no more.
+/// Waits for progress; returns the latest, and whether more can follow.
 fn newest(progress: &mut Receiver<Progress>) -> (Option<Progress>, bool) {
     match progress.recv_timeout(PAUSE) {
         Ok(first) => (Some(progress.try_iter().last().unwrap_or(first)), false),
@@ -56,7 +56,7 @@ fn newest(progress: &mut Receiver<Progress>) -> (Option<Progress>, bool) {
     }
 }
 
-/// Hands progress on, and lets Python handle signals.
+/// Calls the listener, and lets Python handle signals.
 fn notify(py: Python<'_>, listener: Option<&Bound<'_, PyAny>>, progress: Option<Progress>) -> PyResult<()> {
     py.check_signals()?;
     if let Some((listener, Progress { share, elapsed })) = listener.zip(progress) {

@@ -1,4 +1,4 @@
-//! Meshes and rays in the plain binary files that other programs can read too.
+//! Meshes and rays in plain binary files, to exchange with other programs.
 //!
 //! `.tri`: u32 number of vertices, u32 number of triangles, f32 x 3 a vertex, u32 x 3 a triangle.
 //! `.rays`: 8 f32 a ray: origin, t_min, direction, t_max. `.hits`: f32 t (infinite: miss), u32 primitive a ray.
@@ -9,7 +9,7 @@ use oscura::math::{Hit, Ray, Vec3};
 use std::fs;
 use std::path::Path;
 
-/// What went wrong with a file.
+/// A file error.
 pub type Result<T> = std::result::Result<T, String>;
 
 fn read(path: &Path) -> Result<Vec<u8>> {
@@ -52,7 +52,7 @@ pub fn write_mesh(path: &Path, mesh: &Geometry) -> Result<()> {
     write(path, &bytes)
 }
 
-/// A ray as it is written: origin, `t_min`, direction, `t_max`.
+/// A ray as stored: origin, `t_min`, direction, `t_max`.
 type Record = [f32; 8];
 
 /// Reads a `.rays` file.

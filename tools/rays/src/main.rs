@@ -1,4 +1,5 @@
-//! `oscura-rays`: traces files of rays against a mesh and prints one line of JSON; makes such files. See README.md.
+//! `oscura-rays`: a ray tracing benchmark that reads files of rays and a mesh and prints one line of JSON; also generates such
+//! files. See README.md.
 
 mod files;
 mod make;
@@ -23,7 +24,7 @@ const USAGE: &str =
        oscura-rays --table cornell,rocks,terrain,field [--reps N] [--level ...] [--batch N]
        --tree fast|full with either";
 
-/// What the command line asks for.
+/// Command-line arguments.
 #[derive(Clone)]
 struct Options {
     tri: Option<PathBuf>,
@@ -143,7 +144,7 @@ fn make_files(name: &str, out: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Traces the rays a few times and prints the figures.
+/// Traces the rays a few times and prints the speeds.
 fn measure(options: &Options) -> Result<()> {
     let missing = |what: &str| format!("{what} is missing\n{USAGE}");
     let mesh = files::read_mesh(options.tri.as_deref().ok_or_else(|| missing("--tri"))?)?;
@@ -175,7 +176,7 @@ fn measure(options: &Options) -> Result<()> {
     }
 }
 
-/// Traces the rays as often as asked, after once to warm up: millions of rays per second, sorted, and the hits.
+/// Traces the rays several times, after a warm-up: millions of rays per second, sorted, and the hits.
 fn speeds(accel: &Accel, options: &Options, rays: &[Ray]) -> Result<(Vec<f64>, Vec<Hit>)> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map_err(|e| format!("--threads: {e}"))?;
@@ -193,7 +194,7 @@ fn speeds(accel: &Accel, options: &Options, rays: &[Ray]) -> Result<(Vec<f64>, V
     Ok((speeds, hits))
 }
 
-/// Processor time where one thread works, so that other work on the machine does not count; else time on the wall.
+/// CPU time for a single thread, so that other load does not count; wall-clock time otherwise.
 enum Clock {
     Processor(ProcessTime),
     Wall(Instant),

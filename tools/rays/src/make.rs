@@ -1,13 +1,13 @@
-//! Scenes that are computed rather than read.
+//! Generated scenes.
 
 use crate::world::{Random, World};
 use oscura::accel::{AccelInstance, Geometry};
 use oscura::math::{DAffine3, DQuat, DVec3, Vec3};
 
-/// The scenes that are computed rather than read.
+/// Names of generated scenes.
 pub const SCENES: [&str; 4] = ["cornell", "rocks", "terrain", "field"];
 
-/// A computed scene by its name.
+/// A generated scene by name.
 pub fn scene(name: &str) -> Option<World> {
     match name {
         "cornell" => Some(World::flat(cornell())),
@@ -18,7 +18,7 @@ pub fn scene(name: &str) -> Option<World> {
     }
 }
 
-/// 32 triangles: a room without its front, a lamp under the ceiling and two blocks, about as in the Cornell box.
+/// 32 triangles: a room without its front, a light under the ceiling and two blocks, similar to the Cornell box.
 fn cornell() -> Geometry {
     let mut mesh = Geometry::default();
     let mut wall = |corner: Vec3, u: Vec3, v: Vec3| {
@@ -45,7 +45,7 @@ fn cornell() -> Geometry {
     mesh
 }
 
-/// About 100,000 triangles: sixteen dented balls on a floor, in a room of five walls.
+/// About 100,000 triangles: sixteen dented spheres on a floor, in a room of five walls.
 fn rocks() -> Geometry {
     let mut mesh = Geometry::default();
     let mut random = Random(5);
@@ -95,7 +95,7 @@ fn terrain() -> Geometry {
     mesh
 }
 
-/// A thousand placements of one boulder of 100,000 triangles on a plain: 100 million triangles that share one mesh.
+/// A thousand instances of one boulder of 100,000 triangles on a plain: 100 million triangles in total.
 fn field() -> World {
     let (mut plain, mut boulder) = (Geometry::default(), Geometry::default());
     sheet(&mut plain, 2, 2, |u, v| Vec3::new(u * 80.0 - 40.0, 0.0, v * 80.0 - 40.0));

@@ -1,10 +1,10 @@
-//! A table of all computed scenes that are asked for: speed of each ray set on one thread and on all, build, memory.
+//! A table of the selected generated scenes: speed of each ray set on one thread and on all, build time, memory.
 
 use crate::files::Result;
 use crate::make::{SCENES, scene};
 use crate::{Options, speeds};
 
-/// Builds each scene, traces its rays and prints a line a set.
+/// Builds each scene, traces its rays and prints a line per set.
 pub fn print(names: &str, options: &Options) -> Result<()> {
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
     println!(

@@ -1,9 +1,9 @@
-//! A scene of meshes and their placements, and the rays that a path tracer would send into it.
+//! A scene of meshes and instances, and representative rays of a path tracer.
 
 use oscura::accel::{Accel, AccelInput, AccelInstance, Geometry, TreeQuality};
 use oscura::math::{Bounds3, Frame, Hit, Ray, Vec3};
 
-/// Rays along an edge of the picture.
+/// Width of the picture in rays.
 const SIDE: usize = 1024;
 
 /// A small random number generator (PCG, O'Neill 2014).
@@ -18,22 +18,22 @@ impl Random {
     }
 }
 
-/// Geometry and where it is placed.
+/// Geometry and instances.
 #[derive(Default)]
 pub struct World {
-    /// The first stands in the world as it is.
+    /// The first is in world space.
     pub geometries: Vec<Geometry>,
-    /// Where the others stand.
+    /// Transforms of the others.
     pub instances: Vec<AccelInstance>,
 }
 
 impl World {
-    /// A world of one mesh.
+    /// A world of a single mesh.
     pub fn flat(mesh: Geometry) -> World {
         World { geometries: vec![mesh], instances: Vec::new() }
     }
 
-    /// What rays are traced against.
+    /// The acceleration structure.
     pub fn build(&self, quality: TreeQuality) -> Accel {
         let geometries: Vec<&Geometry> = self.geometries.iter().collect();
         let (first_moving, first_changing) = (self.instances.len(), geometries.len());
@@ -73,7 +73,7 @@ impl World {
         placed.fold(bounds[0], Bounds3::with)
     }
 
-    /// The vertices of the triangle that was hit, in the world.
+    /// The world-space vertices of a hit triangle.
     fn vertices(&self, hit: &Hit) -> [Vec3; 3] {
         let instance = hit.instance.checked_sub(1).map(|i| &self.instances[i as usize]);
         let mesh = &self.geometries[instance.map_or(0, |i| i.geometry as usize)];
@@ -84,7 +84,7 @@ impl World {
         }
     }
 
-    /// Points that rays hit, with the normal on the ray's side.
+    /// Hit points, with the normal on the ray's side.
     fn surface(&self, accel: &Accel, rays: &[Ray]) -> Vec<(Vec3, Vec3)> {
         let mut hits = vec![Hit::MISS; rays.len()];
         accel.closest(rays, &mut hits);
@@ -100,7 +100,7 @@ impl World {
     }
 }
 
-/// Rays of a camera that looks at the scene from above one side, in tiles of 32 x 32.
+/// Primary rays of a camera that looks at the scene from above one side, in tiles of 32 x 32.
 fn camera_rays(bounds: &Bounds3) -> Vec<Ray> {
     let extent = bounds.extent();
     let target = bounds.center() - Vec3::Y * extent.y * 0.1;

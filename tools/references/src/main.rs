@@ -1,11 +1,10 @@
-//! Makes the converged pictures in `tests/references/` that the tests compare with: needed where a picture is meant to
-//! change, and after a scene has.
+//! Renders the converged references in `tests/references/`: needed where pictures are meant to change, and after a scene has.
 //!
 //! ```text
 //! oscura-references PROGRAM [NAME...]     all of them, or those of some names, rendered by a program: target/release/oscura
 //! ```
 //!
-//! Each is the mean of sixteen renders whose seeds no test uses; the variance of that mean comes from their differences.
+//! Each is the mean of sixteen renders whose seeds no test uses; the variance of that mean is estimated from their differences.
 
 #[path = "../../../tests/pictures/converged/scenes.rs"]
 mod scenes;
@@ -20,12 +19,12 @@ use std::process::{Command, ExitCode};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Renders of which a reference is the mean.
+/// Number of renders per reference.
 const PARTS: u32 = 16;
 /// Seed of the first; tests use small ones.
 const FIRST_SEED: u32 = 1_000_000;
 
-/// A picture of three channels, rows from the top.
+/// A three-channel picture, rows from the top.
 struct Picture {
     size: Vec2<usize>,
     rgb: Vec<[f32; 3]>,

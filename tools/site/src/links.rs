@@ -1,10 +1,10 @@
-//! Links of pages, from where the pages lie in the repository to where they lie in the book.
+//! Rewrites links from their location in the repository to that in the book.
 
 use crate::pages::{Page, Text};
 use std::collections::BTreeSet;
 use std::path::{Component, Path, PathBuf};
 
-/// The text with its links as they are in the book; what it shows is added to the pictures.
+/// The text with the book's links; referenced images are collected.
 pub(crate) fn rewritten(
     text: &str,
     path: &str,
@@ -15,7 +15,7 @@ pub(crate) fn rewritten(
     let mut result = String::new();
     for (i, part) in text.split("```").enumerate() {
         if i % 2 == 1 {
-            // A block of code.
+            // A code block.
             result += &format!("```{part}```");
             continue;
         }
@@ -33,7 +33,7 @@ pub(crate) fn rewritten(
     Ok(result)
 }
 
-/// A link, without the `!` of pictures before it.
+/// A link, without the `!` of images.
 fn link(
     shown: &str,
     target: &str,
@@ -69,12 +69,12 @@ fn link(
     })
 }
 
-/// Where a picture of the repository lies in the book.
+/// The location of an image of the repository in the book.
 pub(crate) fn picture(path: &Path) -> String {
     format!("pictures/{}", path.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// Without `.` and `..`.
+/// Resolves `.` and `..`.
 fn normalized(path: &Path) -> PathBuf {
     let mut result = PathBuf::new();
     for part in path.components() {

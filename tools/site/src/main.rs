@@ -1,8 +1,8 @@
 //! Writes the guide as a book for mdbook: `oscura-site FOLDER [--repository URL]`.
 //!
-//! The pages are those of `src/guide` and the reference of scene files that `oscura help` prints; nothing is written
-//! twice. Links between pages become those of the book, pictures are copied, and links to other files of the
-//! repository become links below `URL`, or their paths where none is given.
+//! The pages are those of `src/guide` and the scene file reference of `oscura help`; nothing is duplicated. Links between pages
+//! become those of the book, images are copied, and links to other files of the repository become links below `URL`, or their
+//! paths without one.
 
 mod links;
 mod pages;
@@ -45,7 +45,7 @@ fn usage() -> ExitCode {
     ExitCode::from(2)
 }
 
-/// Writes all pages; gives their number.
+/// Writes all pages; returns their number.
 fn write(folder: &Path, repository: Option<&str>) -> Result<usize, String> {
     let pages = pages::all();
     let source = folder.join("src");
@@ -77,7 +77,7 @@ fn summary(pages: &[Page]) -> String {
     for page in pages {
         let line = format!("{}- [{}]({})\n", "  ".repeat(page.level), page.title, page.name);
         match page.part {
-            // What stands before the first part has no number.
+            // Pages before the first part are unnumbered.
             Some("") => text += line.trim_start_matches("- "),
             Some(part) => text += &format!("\n# {part}\n\n{line}"),
             None => text += &line,

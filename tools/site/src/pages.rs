@@ -1,28 +1,28 @@
-//! Which pages the book has, in their order.
+//! The pages of the book, in order.
 
 use oscura::load::scene_file::{CHAPTERS, Chapter};
 
 /// A page of the book.
 pub(crate) struct Page {
     pub(crate) title: String,
-    /// Its file within the book.
+    /// Its file in the book.
     pub(crate) name: String,
-    /// How deep it stands in the table of contents.
+    /// Its depth in the table of contents.
     pub(crate) level: usize,
-    /// The part that begins with it; empty for what stands before all parts.
+    /// The part that it starts; empty before the first part.
     pub(crate) part: Option<&'static str>,
     pub(crate) text: Text,
 }
 
-/// Where a page comes from.
+/// The source of a page.
 pub(crate) enum Text {
-    /// A file, its path from the root of the repository.
+    /// A file, relative to the root of the repository.
     File(&'static str),
-    /// Made from the program's own tables.
+    /// Generated from the program's tables.
     Made(String),
 }
 
-/// Part, depth, title, source; the reference of scene files follows their page.
+/// Part, depth, title, source; the scene file reference follows its page.
 const FILES: &[(Option<&str>, usize, &str, &str)] = &[
     (Some(""), 0, "oscura", "README.md"),
     (Some("Using it"), 0, "First picture", "src/guide/first_picture.md"),
@@ -75,7 +75,7 @@ fn reference(chapter: &Chapter) -> Page {
         "scene-files" => ("Reference", "scene-file"),
         name => (chapter.title, name),
     };
-    // Brackets would begin a link.
+    // Brackets would start a link.
     let title = title.replace('[', "\\[").replace(']', "\\]");
     let text = format!("# {title}\n\nAs `oscura help {topic}` prints it.\n\n{}\n", chapter.markdown());
     Page { title, name: format!("reference/{name}.md"), level: 1, part: None, text: Text::Made(text) }

@@ -1,4 +1,4 @@
-//! The book: all pages of the guide are in it, links lead somewhere, and mdbook builds it where it is installed.
+//! The book: all pages of the guide are in it, links are valid, and mdbook builds it where installed.
 
 #[path = "../../../tests/common/skip.rs"]
 mod skip;
@@ -20,7 +20,7 @@ fn write(name: &str, more: &[&str]) -> PathBuf {
     folder
 }
 
-/// All pages, by their paths within the book.
+/// All pages, by path in the book.
 fn pages(source: &Path) -> Vec<(PathBuf, String)> {
     let folders = [source.to_path_buf(), source.join("reference")];
     let files =
@@ -30,7 +30,7 @@ fn pages(source: &Path) -> Vec<(PathBuf, String)> {
 }
 
 #[test]
-fn all_pages_are_there_and_links_lead_to_them() {
+fn all_pages_exist_and_links_are_valid() {
     let source = write("book", &[]).join("src");
     let summary = fs::read_to_string(source.join("SUMMARY.md")).expect("a table of contents");
     for entry in fs::read_dir(Path::new(ROOT).join("src/guide")).expect("the guide") {
@@ -53,7 +53,7 @@ fn all_pages_are_there_and_links_lead_to_them() {
 }
 
 #[test]
-fn the_reference_is_that_of_the_program() {
+fn reference_matches_the_program() {
     let source = write("reference", &[]).join("src/reference");
     let names: BTreeSet<_> =
         fs::read_dir(&source).expect("pages").map(|e| e.expect("a page").file_name()).collect();

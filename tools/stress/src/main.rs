@@ -1,4 +1,4 @@
-//! `oscura-stress`: tries to break ray intersection and prints a table of what happened. See README.md.
+//! `oscura-stress`: stress tests of ray intersection, with a table of the results. See README.md.
 
 mod cases;
 
@@ -15,7 +15,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    // The share of the full number of tries.
+    // The fraction of the full number of tries.
     let effort = if quick { 0.1 } else { 1.0 };
     println!("| case | tried | wrong | worst |\n|---|---|---|---|");
     let mut wrong = 0;

@@ -1,9 +1,9 @@
-//! How long writing takes: renders a picture of 1920 x 1080 pixels with 20 channels, encodes it as an EXR several times, and writes
-//! the last one.
+//! Benchmark of EXR output: renders a picture of 1920 x 1080 pixels with 20 channels, encodes it as an EXR several times, and
+//! writes the last one.
 //!
 //! `writing FILE.exr [--threads N] [--repeat N] [--scene SCENE]`
 //!
-//! Prints a JSON object: the seconds of each time, and the bytes of the file. `tools/bench/writing.py` compares them with OpenEXR's own
+//! Prints a JSON object: the seconds of each run, and the size of the file. `tools/bench/writing.py` compares with the OpenEXR
 //! library.
 
 use oscura::Renderer;

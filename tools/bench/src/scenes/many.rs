@@ -1,13 +1,13 @@
-//! Scenes that have many of one thing and little else, for fitting how costs grow.
+//! Scenes with many copies of one thing and little else, to measure the scaling of cost.
 
 use std::fmt::Write;
 
-/// Triangles of a shared mesh: more than what is copied for each use (1,024).
+/// Triangles of an instanced mesh: more than the limit for flattening (1,024).
 const SHARED_GRID: u32 = 23;
 /// Vertices along an edge of a small mesh.
 const SMALL_GRID: u32 = 5;
 
-/// A glTF file beside its buffer.
+/// A glTF file and its buffer.
 pub struct Model {
     /// The text; it names `growing.bin`.
     pub gltf: String,
@@ -15,7 +15,7 @@ pub struct Model {
     pub bin: Vec<u8>,
 }
 
-/// What a glTF file is put together from: JSON objects, separated by commas.
+/// The parts of a glTF file: JSON objects, separated by commas.
 #[derive(Default)]
 struct Builder {
     bin: Vec<u8>,
@@ -39,7 +39,7 @@ fn push(list: &mut String, object: std::fmt::Arguments<'_>) {
 }
 
 impl Builder {
-    /// Adds an accessor over numbers of its own: its index.
+    /// Adds an accessor with its own data; returns its index.
     fn accessor(&mut self, bytes: &[u8], component: u32, count: usize, rest: &str) -> usize {
         let offset = self.bin.len();
         self.bin.extend_from_slice(bytes);
@@ -113,7 +113,7 @@ impl Builder {
     }
 }
 
-/// A sheet of `2 n n` triangles of about the size 1, whose heights depend on `seed`.
+/// A sheet of `2 n n` triangles of about unit size, whose heights depend on `seed`.
 fn sheet(n: u32, seed: u32) -> Vec<f32> {
     let mut positions = Vec::new();
     for (x, y) in (0..=n).flat_map(|y| (0..=n).map(move |x| (x, y))) {
@@ -134,18 +134,18 @@ fn sheet_indices(n: u32) -> Vec<u32> {
     indices
 }
 
-/// The place of one of `n` things in a square of cells of size 1.1.
+/// The position of one of `n` objects in a square grid of cells of size 1.1.
 fn in_square(i: usize, n: usize) -> [f64; 2] {
     let side = (n as f64).sqrt().ceil() as usize;
     [i % side, i / side].map(|cell| cell as f64 * 1.1)
 }
 
-/// `n` meshes of 1,058 triangles, each placed twice.
+/// `n` meshes of 1,058 triangles, each instanced twice.
 pub fn shared_meshes(n: usize) -> Model {
     meshes(n, SHARED_GRID, 2)
 }
 
-/// `n` meshes of 50 triangles, each placed once.
+/// `n` meshes of 50 triangles, each used once.
 pub fn small_meshes(n: usize) -> Model {
     meshes(n, SMALL_GRID, 1)
 }
@@ -162,17 +162,17 @@ fn meshes(n: usize, grid: u32, uses: usize) -> Model {
     model.finish(uses * n)
 }
 
-/// A mesh of 1,058 triangles in `n` places.
+/// `n` instances of a mesh of 1,058 triangles.
 pub fn instances(n: usize) -> Model {
     placed(n, SHARED_GRID)
 }
 
-/// A mesh of 128 triangles in `n` places.
+/// `n` instances of a mesh of 128 triangles.
 pub fn small_instances(n: usize) -> Model {
     placed(n, 8)
 }
 
-/// A sheet of `2 grid grid` triangles in `n` places.
+/// `n` instances of a sheet of `2 grid grid` triangles.
 fn placed(n: usize, grid: u32) -> Model {
     let mut model = Builder::default();
     let indices = model.indices(&sheet_indices(grid));
@@ -185,7 +185,7 @@ fn placed(n: usize, grid: u32) -> Model {
     model.finish(n)
 }
 
-/// Nodes below one another, `n` in all, in chains of a hundred with a small mesh at the end of each.
+/// `n` nodes in chains of a hundred, with a small mesh at the end of each.
 pub fn chains(n: usize) -> Model {
     const LENGTH: usize = 100;
     let mut model = Builder::default();
@@ -212,7 +212,7 @@ pub fn chains(n: usize) -> Model {
     model.finish(n)
 }
 
-/// `n` meshes of glass of 80 triangles that lie apart, with their fronts inwards if asked for.
+/// `n` disjoint glass meshes of 80 triangles, with inward normals on request.
 pub fn glass_bodies(n: usize, are_inverted: bool) -> Model {
     let mut model = Builder {
         extensions_used: r#""KHR_materials_transmission","KHR_materials_volume""#,
@@ -226,7 +226,7 @@ pub fn glass_bodies(n: usize, are_inverted: bool) -> Model {
     let indices = model.indices(triangles.as_flattened());
     let side = (n as f64).cbrt().ceil() as usize;
     for i in 0..n {
-        // Each is a mesh of its own.
+        // Each is a separate mesh.
         let radius = 0.3 * (1.0 + 1e-3 * (i % 7) as f32);
         let scaled: Vec<f32> = positions.as_flattened().iter().map(|x| x * radius).collect();
         let positions = model.floats(&scaled, "VEC3", 3);
@@ -236,7 +236,7 @@ pub fn glass_bodies(n: usize, are_inverted: bool) -> Model {
     model.finish(n)
 }
 
-/// A sphere of radius 1 as an octahedron whose edges were halved twice: 128 triangles.
+/// A sphere of radius 1 as an octahedron subdivided twice: 128 triangles.
 fn ball() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     let mut positions: Vec<[f32; 3]> = vec![
         [1.0, 0.0, 0.0],
@@ -272,7 +272,7 @@ fn ball() -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     (positions, triangles)
 }
 
-/// A mesh of 99,458 triangles that turns for an hour, in one place of two.
+/// A mesh of 99,458 triangles that rotates for an hour, at one of two positions.
 pub fn turning() -> Model {
     const GRID: u32 = 223;
     let mut model = Builder::default();
@@ -291,7 +291,7 @@ pub fn turning() -> Model {
 
 const HEAD: &str = "camera = { look_from = [0, 0, 20], look_at = [0, 0, 0] }\nenvironment = { background = [0.2, 0.2, 0.2] }\n";
 
-/// `n` spheres, each of a material of its own; where there are `traits`, each sphere is left out by some of so many lights.
+/// `n` spheres, each with its own material; with `traits`, each sphere is excluded from some of that many lights.
 pub fn materials(n: usize, traits: u32) -> String {
     let mut text = HEAD.to_string();
     for i in 0..n {
@@ -335,7 +335,7 @@ pub fn textures(n: usize) -> String {
     text
 }
 
-/// A colour picture of `n` by `n` texels, without compression.
+/// An uncompressed colour image of `n` by `n` texels.
 pub fn bmp(n: u32, seed: u32) -> Vec<u8> {
     let row = (3 * n).next_multiple_of(4);
     let mut bytes = b"BM".to_vec();
@@ -352,7 +352,7 @@ pub fn bmp(n: u32, seed: u32) -> Vec<u8> {
     bytes
 }
 
-/// `n` strands of eight points, as the text of a `.curves` file and a scene that shows them.
+/// `n` strands of eight points, as a `.curves` file and a scene that uses it.
 pub fn strands(n: usize) -> (String, String) {
     let mut text = "curves 1\n".to_string();
     for i in 0..n {
@@ -369,7 +369,7 @@ pub fn strands(n: usize) -> (String, String) {
     (scene, text)
 }
 
-/// An OBJ file of `n` objects of two triangles with a material each, and its library of materials.
+/// An OBJ file of `n` objects of two triangles with a material each, and its material library.
 pub fn obj(n: usize) -> (String, String) {
     let (mut obj, mut mtl) = ("mtllib growing.mtl\n".to_string(), String::new());
     for i in 0..n {

@@ -1,4 +1,4 @@
-//! The scenes that are measured when none are named: five of the project's, ten made on the spot.
+//! The default scenes: five of the project's, ten generated.
 
 pub mod many;
 pub mod models;
@@ -10,7 +10,7 @@ use oscura::output::write_atomically;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Lamps of the hall.
+/// Number of lights of the hall.
 const LAMPS: u32 = 1000;
 
 /// A folder for generated files, removed with its contents when dropped.
@@ -49,7 +49,7 @@ impl Generated {
         Ok(generated)
     }
 
-    /// Writes one more file into the folder: its path.
+    /// Writes another file into the folder; returns its path.
     ///
     /// # Errors
     /// An output error if the folder takes no more.
@@ -58,7 +58,8 @@ impl Generated {
         write_atomically(&path, bytes).map(|()| path)
     }
 
-    /// Box and balls, environments, many lamps, light through a slit, caustics, alpha, instances, many materials, far away.
+    /// Boxes and spheres, environments, many lights, light through a slit, caustics, alpha, instances, many materials, large
+    /// coordinates.
     pub fn scenes(&self) -> Vec<PathBuf> {
         let project = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
         let own = [

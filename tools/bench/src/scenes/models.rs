@@ -1,14 +1,14 @@
-//! A model, a sky, and scenes of them.
+//! A model, a sky, and scenes using them.
 
-/// Rings of the model and vertices of each: 2 * 400 * 200 = 160,000 triangles.
+/// Rings of the model and vertices per ring: 2 * 400 * 200 = 160,000 triangles.
 pub const RINGS: u32 = 400;
 /// Vertices of a ring.
 pub const SIDES: u32 = 200;
 
-/// Size of the environment picture.
+/// Size of the environment image.
 const SKY: (u32, u32) = (256, 128);
 
-/// Metal and plastic under an environment picture.
+/// Metal and plastic under an environment image.
 pub const ENVIRONMENT: &str = r#"
 environment = { image = "sky.hdr" }
 camera = { look_from = [3, 1.5, 5], look_at = [0, 0.7, 0], vfov = 35, aspect_ratio = 1.5 }
@@ -44,7 +44,7 @@ mesh = "model.ply"
 material = "clay"
 "#;
 
-/// The model in rough metal under the environment picture.
+/// The model in rough metal under the environment image.
 pub const METAL: &str = r#"
 environment = { image = "sky.hdr" }
 camera = { look_from = [1.5, 2.5, 3], look_at = [0, 0, 0], vfov = 40, aspect_ratio = 1 }
@@ -62,7 +62,7 @@ quad = { corner = [-20, -0.45, 20], u = [40, 0, 0], v = [0, 0, -40] }
 material = "ground"
 "#;
 
-/// Textured spheres on a textured floor under the environment picture.
+/// Textured spheres on a textured floor under the environment image.
 pub const TEXTURED: &str = r#"
 environment = { image = "sky.hdr" }
 camera = { look_from = [0, 1.2, 5], look_at = [0, 0.9, 0], vfov = 38, aspect_ratio = 1.5 }
@@ -103,7 +103,7 @@ material = "clay"
 transform = [{ translate = [100000, 0, 100000] }]
 "#;
 
-/// A waving torus of radii 1 and 0.4 as binary PLY: `2 * rings * sides` triangles.
+/// A wavy torus of radii 1 and 0.4 as binary PLY: `2 * rings * sides` triangles.
 pub fn torus(rings: u32, sides: u32) -> Vec<u8> {
     let header = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\nproperty float y\n\
@@ -132,8 +132,7 @@ pub fn torus(rings: u32, sides: u32) -> Vec<u8> {
     bytes
 }
 
-/// A blue sky over grey ground with a sun of 4 texels, 2000 times as bright as the sky, as Radiance HDR without run
-/// lengths.
+/// A blue sky over grey ground with a sun of 4 texels, 2000 times as bright as the sky, as uncompressed Radiance HDR.
 pub fn sky() -> Vec<u8> {
     let (width, height) = SKY;
     let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();

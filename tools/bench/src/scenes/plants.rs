@@ -1,4 +1,4 @@
-//! Plants: leaves cut out by alpha, and a forest of instances.
+//! Plants: alpha-masked leaves, and a forest of instances.
 
 use image::RgbaImage;
 use oscura::error::{Error, Result};
@@ -6,7 +6,7 @@ use oscura::sampling::hash::{SplitMix64, unit};
 use std::fmt::Write;
 use std::io::Cursor;
 
-/// Texels along the side of a leaf's picture.
+/// Width of the leaf texture in texels.
 const TEXELS: u32 = 128;
 
 /// A leaf with serrated edges, transparent around it, as PNG.
@@ -26,7 +26,7 @@ pub fn leaf_png() -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// A leaf's mesh: one quad of glTF, masked by alpha, that lets some light through.
+/// A leaf mesh: one glTF quad with an alpha mask and diffuse transmission.
 pub const LEAF: &str = r#"{
 "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
 "extensionsUsed": ["KHR_materials_diffuse_transmission"],
@@ -42,7 +42,7 @@ pub const LEAF: &str = r#"{
   {"buffer": 0, "byteOffset": 80, "byteLength": 12}],
 "buffers": [{"uri": "leaf.bin", "byteLength": 92}]}"#;
 
-/// The numbers of that mesh.
+/// The buffer of that mesh.
 pub fn leaf_bin() -> Vec<u8> {
     let numbers: [f32; 20] = [
         -0.5, 0.0, 0.0, 0.5, 0.0, 0.0, 0.5, 1.0, 0.0, -0.5, 1.0, 0.0, // Positions.
@@ -92,7 +92,7 @@ pub fn forest() -> String {
     out
 }
 
-/// A camera that looks at a height above the middle of a ground.
+/// A camera that looks at a height above the centre of a ground.
 fn ground(from: [f64; 3], at_height: f64) -> String {
     format!(
         "camera = {{ look_from = {from:?}, look_at = [0, {at_height}, 0], vfov = 35, aspect_ratio = 1.5 }}\n\n[materials.ground]\n\

@@ -1,4 +1,4 @@
-//! Rooms: a hall with many lamps, one lit through a slit, one with a window and many materials.
+//! Rooms: a hall with many lights, one lit through a slit, one with a window and many materials.
 
 use std::fmt::Write;
 
@@ -28,7 +28,7 @@ red = { type = "lambert", color = [0.6, 0.1, 0.08] }
 green = { type = "lambert", color = [0.1, 0.45, 0.12] }
 "#;
 
-/// A hall whose ceiling and walls carry `lamps` small square lamps, in rows; together they are always as bright.
+/// A hall with `lamps` small square lights on ceiling and walls, in rows; the total power is constant.
 pub fn hall(lamps: u32) -> String {
     let mut out = format!(
         "camera = {{ look_from = [10, 3, 29], look_at = [10, 2.2, 0], vfov = 45, aspect_ratio = 1.5 }}\n\n[materials]{WALLS}"
@@ -47,7 +47,7 @@ pub fn hall(lamps: u32) -> String {
         let (column, row) = (i % columns, i / columns);
         let x = 20.0 * (f64::from(column) + 0.5) / f64::from(columns);
         let z = 30.0 * (f64::from(row) + 0.5) / f64::from(rows);
-        // Heights differ, so that lamps near and far shine into the picture.
+        // Heights differ, so that the picture shows light from near and far.
         let y = 5.9 - 2.5 * f64::from(i * 7 % 11) / 11.0;
         let _ = write!(
             out,
@@ -67,7 +67,7 @@ pub fn hall(lamps: u32) -> String {
     out
 }
 
-/// A room that gets all its light through a slit beside a wall, behind which the lamp is.
+/// A room lit only through a slit next to a wall, behind which the light is.
 pub fn slit() -> String {
     let head = format!(
         "camera = {{ look_from = [2, 1.6, 7.5], look_at = [2, 1.4, 0], vfov = 50, aspect_ratio = 1 }}\n\n[materials]{WALLS}\
@@ -94,11 +94,11 @@ material = "wall"
 box = { min = [2.4, 0, 3.4], max = [3.2, 1, 4.2] }
 material = "green"
 "#;
-    // Where the light falls in, a coloured wall would colour all of it.
+    // A coloured wall at the slit would tint all light.
     head + &walls([4.0, 3.0, 8.0]).replace("\"green\"", "\"wall\"") + inside
 }
 
-/// A room with a window, a lamp, and thirty things of as many materials.
+/// A room with a window, a light, and thirty objects of as many materials.
 pub fn interior() -> String {
     let mut out = format!(
         "environment = {{ image = \"sky.hdr\" }}\n\

@@ -1,4 +1,4 @@
-//! Rays that leave a surface must not hit it again, and must hit what touches it closely.
+//! Rays leaving a surface must not hit it again, and must hit closely adjacent geometry.
 
 use super::Row;
 use super::meshes::{Random, ball, build, closest, cube, vertices};
@@ -6,7 +6,7 @@ use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray, Vec3, gamma, offset_ray_origin};
 use oscura::shape::Quad;
 
-/// Tries of the full run, a placement.
+/// Tries of the full run, per transform.
 const TRIES: f64 = 4e5;
 
 pub fn run(effort: f64) -> Vec<Row> {
@@ -31,8 +31,8 @@ fn row(what: &str) -> Row {
     Row { what: what.into(), tried: 0, wrong: 0, worst: "-".into() }
 }
 
-/// Random directions to the outer side from random points of a convex mesh: those hit nothing, but for neighbours
-/// that rounding has turned to the front, which are found by their distance.
+/// Random directions to the outer side from random points of a convex mesh: these hit nothing, except neighbours turned front-
+/// facing by rounding, which are identified by their distance.
 fn self_hits(geometry: &Geometry, count: usize) -> u64 {
     let accel = build(geometry);
     let mut random = Random::new(count as u64);

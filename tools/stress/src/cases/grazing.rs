@@ -1,4 +1,4 @@
-//! Quads at grazing angles, directions with zero, denormal and negative zero components, and directions of any length.
+//! Quads at grazing angles, directions with zero, denormal and negative zero components, and unnormalised directions.
 
 use super::Row;
 use super::meshes::{Random, ball, build, closest};
@@ -6,7 +6,7 @@ use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray, Vec3};
 use oscura::shape::Quad;
 
-/// Tries of the full run, each row.
+/// Tries of the full run, per row.
 const TRIES: f64 = 1e6;
 
 pub fn run(effort: f64) -> Vec<Row> {
@@ -14,8 +14,8 @@ pub fn run(effort: f64) -> Vec<Row> {
     vec![grazing(count, true), grazing(count, false), odd_directions(count), lengths(count)]
 }
 
-/// Rays that sink by 1e-7 to 1 a unit of way towards the plane y = 0, compared with f64. In a band around the edges, where
-/// f32 cannot tell, either answer is right.
+/// Rays descending by 1e-7 to 1 per unit length towards the plane y = 0, compared with f64. In a band around the edges, below
+/// f32 resolution, either result is accepted.
 fn grazing(count: usize, quad: bool) -> Row {
     let square = Quad { corner: Vec3::new(-1.0, 0.0, -1.0), edge_u: Vec3::X * 2.0, edge_v: Vec3::Z * 2.0 };
     let geometry = if quad {
@@ -59,7 +59,7 @@ fn grazing(count: usize, quad: bool) -> Row {
     Row { what, tried: count as u64, wrong, worst: format!("t off by {worst:.1e}") }
 }
 
-/// From inside a ball, with components 0, -0, denormal: each ray must hit.
+/// From inside a sphere, with components 0, -0, denormal: each ray must hit.
 fn odd_directions(count: usize) -> Row {
     let geometry = ball(4).geometry(1.0, DVec3::ZERO);
     let accel = build(&geometry);

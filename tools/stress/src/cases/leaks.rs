@@ -1,4 +1,4 @@
-//! Rays from inside closed meshes, aimed at vertices and edges: each must hit.
+//! Watertightness: rays from inside closed meshes, aimed at vertices and edges, must all hit.
 
 use super::Row;
 use super::meshes::{Random, Shape, ball, build, closest, cube, slivers, vertices};
@@ -20,7 +20,7 @@ pub fn run(effort: f64) -> Vec<Row> {
             worst: "-".into(),
         };
         for (i, (scale, offset)) in placements.into_iter().enumerate() {
-            // Vertices of slivers moved away coincide after rounding: that is another mesh, and not closed around a point.
+            // Vertices of distant slivers coincide after rounding: that is another mesh, and not closed around a point.
             if shape.inside.min_element() < 1e-3 && offset != DVec3::ZERO {
                 continue;
             }
@@ -36,7 +36,7 @@ pub fn run(effort: f64) -> Vec<Row> {
     rows
 }
 
-/// Scales, and offsets in units of the world.
+/// Scales, and offsets in world units.
 fn placements() -> Vec<(f64, DVec3)> {
     let mut list = Vec::new();
     for power in [-6, -3, 0, 3, 6] {

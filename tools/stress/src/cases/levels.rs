@@ -1,4 +1,4 @@
-//! All CPU levels give the bits of the scalar twin.
+//! All CPU levels give the bits of the scalar version.
 
 use super::Row;
 use super::meshes::Random;
@@ -15,7 +15,7 @@ pub fn run(effort: f64) -> Vec<Row> {
     let soups = [(1, 1.0), (20, 0.7), (1000, 0.1), (100_000, 0.02)];
     let each = (RAYS * effort / soups.len() as f64).ceil() as usize;
     let levels: Vec<Level> = Level::ALL.into_iter().filter(|level| level.is_available()).collect();
-    // A level that the CPU has and that did not run is a failure.
+    // A supported level that did not run is a failure.
     let mut wrong = u64::from(levels.last() != Some(&best_level()));
     for (count, size) in soups {
         let accel = Accel::build(&[soup(count, size)], &[]);

@@ -1,4 +1,4 @@
-//! Closed meshes around the origin, convex, and random numbers.
+//! Convex closed meshes around the origin, and random numbers.
 
 use oscura::accel::{Accel, Geometry};
 use oscura::math::{DVec3, Hit, Ray, Vec3};
@@ -33,7 +33,7 @@ pub struct Shape {
     pub name: &'static str,
     pub points: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
-    /// Points within this share of each axis' extent are inside.
+    /// Points within this fraction of each axis' extent are inside.
     pub inside: DVec3,
 }
 
@@ -48,7 +48,7 @@ impl Shape {
     }
 }
 
-/// A ball from an octahedron whose triangles are split `levels` times.
+/// A sphere from an octahedron whose triangles are subdivided `levels` times.
 pub fn ball(levels: u32) -> Shape {
     let mut shape = cube_like(1 << levels);
     shape.name = "ball";
@@ -62,7 +62,7 @@ pub fn cube(cells: u32) -> Shape {
     cube_like(cells)
 }
 
-/// A box a million times longer than thick, of slivers.
+/// A box a million times longer than thick, of sliver triangles.
 pub fn slivers() -> Shape {
     let mut shape = cube_like(4);
     shape.name = "slivers (aspect 10^6)";
@@ -102,12 +102,12 @@ fn cube_like(cells: u32) -> Shape {
     shape
 }
 
-/// Builds the structure over one geometry.
+/// Builds the BVH over one geometry.
 pub fn build(geometry: &Geometry) -> Accel {
     Accel::build(std::slice::from_ref(geometry), &[])
 }
 
-/// Nearest hits, on all threads.
+/// Closest hits, on all threads.
 pub fn closest(accel: &Accel, rays: &[Ray]) -> Vec<Hit> {
     let mut hits = vec![Hit::MISS; rays.len()];
     rays.par_chunks(4096).zip(hits.par_chunks_mut(4096)).for_each(|(rays, hits)| accel.closest(rays, hits));

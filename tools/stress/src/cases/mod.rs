@@ -1,4 +1,4 @@
-//! The cases. Each takes the share of its full number of tries and gives rows of the table.
+//! The cases. Each takes the fraction of its full number of tries and returns rows of the table.
 
 mod contacts;
 mod grazing;
@@ -12,17 +12,17 @@ mod transforms;
 /// A line of the table.
 #[derive(Debug)]
 pub struct Row {
-    /// What was tried.
+    /// What was tested.
     pub what: String,
-    /// How often.
+    /// Number of tries.
     pub tried: u64,
-    /// How often it went wrong; 0 is the only good number.
+    /// Number of failures; must be 0.
     pub wrong: u64,
-    /// The largest error, in words.
+    /// The largest error, as text.
     pub worst: String,
 }
 
-/// A case: from the share of the full number of tries to rows.
+/// A case: from the fraction of the full number of tries to rows.
 pub type Case = fn(f64) -> Vec<Row>;
 
 /// All cases in the order of the table.

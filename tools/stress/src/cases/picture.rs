@@ -1,5 +1,5 @@
-//! The whole picture: the Cornell box under a parent node that scales and moves it, its camera too, shows the same.
-//! (The light is a radiance, which neither changes.)
+//! Whole pictures: the Cornell box under a parent node that scales and moves it together with its camera looks the same. (The
+//! light is a radiance, which is invariant.)
 
 use super::Row;
 use oscura::compile::{CompileOptions, CompiledScene, compile};
@@ -15,11 +15,11 @@ use std::sync::Arc;
 const ASSET: &str = include_str!("../../../../assets/cornell-box.gltf");
 /// Edge of the pictures, pixels.
 const SIZE: u32 = 64;
-/// Samples a pixel of the full run.
+/// Samples per pixel of the full run.
 const SAMPLES: f64 = 256.0;
 /// Pictures of the original whose mean is the reference.
 const REFERENCES: u32 = 8;
-/// How far the box is moved along each axis.
+/// Offset of the box along each axis.
 const FAR: f64 = 1e6;
 /// Exponents of the powers of two that scale the box: about 1e-5 to 1e5.
 const POWERS_OF_TWO: [i32; 7] = [-17, -10, -3, -1, 1, 9, 17];
@@ -82,14 +82,14 @@ fn scaled_and_moved(original: &Scene, samples: u32) -> Row {
     }
 }
 
-/// Two pictures made with the same random numbers.
+/// Two pictures of the same seed.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     /// Of the means, relative.
     difference: f64,
     /// The standard error of that, relative.
     sigma: f64,
-    /// Share of the pixels that differ by more than 1 %.
+    /// Fraction of the pixels that differ by more than 1 %.
     elsewhere: f64,
 }
 
@@ -111,7 +111,7 @@ impl Pair {
         }
     }
 
-    /// Within 4 standard errors and 16 roundings; at most 2 % of the pixels got other paths.
+    /// Within 4 standard errors and 16 roundings; at most 2 % of the pixels have diverging paths.
     fn agrees(&self) -> bool {
         self.difference <= 4.0 * self.sigma + 16.0 * f64::from(f32::EPSILON) && self.elsewhere <= 0.02
     }
@@ -123,7 +123,7 @@ struct Scene {
     camera: Camera,
 }
 
-/// The asset with all that its scene shows under one more node.
+/// The asset with its scene under an additional root node.
 fn scene(scale: f64, far: f64) -> Scene {
     let mut asset: Value = serde_json::from_str(ASSET).expect("the asset is JSON");
     let children = asset["scenes"][0]["nodes"].take();
@@ -169,7 +169,7 @@ fn pixels() -> impl Iterator<Item = (u32, u32)> {
     (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (x, y)))
 }
 
-/// How many pixels of two pictures are not the same.
+/// The number of pixels in which two pictures differ.
 fn differing(a: &Image, b: &Image) -> u64 {
     pixels().filter(|&(x, y)| a.rgba(x, y).map(f32::to_bits) != b.rgba(x, y).map(f32::to_bits)).count() as u64
 }
@@ -179,7 +179,7 @@ fn mean(images: &[Image]) -> Image {
     from_pixels(|x, y| [0, 1, 2].map(|c| images.iter().map(|i| i.rgba(x, y)[c]).sum::<f32>() / n))
 }
 
-/// The variance of the mean of pictures that differ by seed only, by pixel.
+/// The variance of the mean of pictures that differ by seed only, per pixel.
 fn variance_of_mean(images: &[Image]) -> Image {
     let (n, mean) = (images.len() as f32, mean(images));
     from_pixels(|x, y| {

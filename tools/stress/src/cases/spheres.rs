@@ -1,4 +1,4 @@
-//! Spheres of all sizes from all distances against a solution in double-double arithmetic.
+//! Spheres of all sizes at all distances against a double-double solution.
 
 use super::Row;
 use super::meshes::{Random, build, closest};
@@ -8,9 +8,9 @@ use oscura::shape::{Analytic, Sphere};
 
 /// Rays of the full run.
 const RAYS: f64 = 4e6;
-/// Rays a sphere.
+/// Rays per sphere.
 const EACH: usize = 256;
-/// Larger errors of t count as wrong.
+/// Larger errors of t are failures.
 const MAX_ULPS: f64 = 4.0;
 
 pub fn run(effort: f64) -> Vec<Row> {
@@ -26,7 +26,7 @@ pub fn run(effort: f64) -> Vec<Row> {
         let rays: Vec<Ray> = (0..EACH).map(|_| ray(&mut random, &sphere, distance)).collect();
         for (ray, hit) in rays.iter().zip(closest(&accel, &rays)) {
             let exact = solve(&sphere, ray);
-            // Roots at the very start of a ray are decided by the last bits of its origin.
+            // Roots at the ray's origin are decided by the last bits of its origin.
             let near_start = exact.roots.is_some_and(|(a, b)| {
                 let least = exact.scale * 1e-12;
                 a.abs() < least || b.abs() < least
@@ -90,11 +90,11 @@ struct Exact {
     /// The discriminant over the squared radius: its sign decides.
     margin: f64,
     roots: Option<(f64, f64)>,
-    /// How far the coordinates reach, in units of t.
+    /// Magnitude of the coordinates, in units of t.
     scale: f64,
 }
 
-/// Both roots from the f32 numbers as they are, with about 100 bits.
+/// Both roots of the exact f32 inputs, with about 100 bits.
 fn solve(sphere: &Sphere, ray: &Ray) -> Exact {
     let f: [Double; 3] =
         std::array::from_fn(|k| Double::sum(f64::from(ray.origin[k]), -f64::from(sphere.center[k])));

@@ -1,4 +1,4 @@
-//! Instances under transforms that stretch, mirror and shear, moved far away and re-based in f64.
+//! Instances under non-uniform scales, mirroring and shear, far from the origin and re-based in f64.
 
 use super::Row;
 use super::meshes::{Random, Shape, ball, closest};
@@ -7,7 +7,7 @@ use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Ray, Vec3};
 
 /// Rays of the full run.
 const RAYS: f64 = 2e6;
-/// Rays a transform.
+/// Rays per transform.
 const EACH: usize = 1000;
 
 pub fn run(effort: f64) -> Vec<Row> {
@@ -20,7 +20,7 @@ pub fn run(effort: f64) -> Vec<Row> {
         let world_from_object = transform(&mut random, i);
         let instance = AccelInstance { geometry: 1, world_from_object };
         let accel = Accel::build(&geometries, &[instance]);
-        // From inside, in object space, then moved to the world: each ray must hit.
+        // From inside, in object space, transformed to world space: each ray must hit.
         for _ in 0..EACH {
             let from = world_from_object.transform_point3(random.signed() * 0.3);
             let to = shape.points[random.bits() as usize % shape.points.len()];
@@ -57,7 +57,7 @@ pub fn run(effort: f64) -> Vec<Row> {
     ]
 }
 
-/// Axes stretched by 1e-4 to 1e4, each by its own: rays from the middle, which rounds to itself, must hit.
+/// Axes scaled by 1e-4 to 1e4 independently: rays from the centre, which rounds to itself, must hit.
 fn uneven(effort: f64, shape: &Shape, geometries: &[Geometry; 2]) -> Row {
     let transforms = (RAYS * effort / EACH as f64).ceil() as usize;
     let mut random = Random::new(12);
@@ -87,7 +87,7 @@ fn uneven(effort: f64, shape: &Shape, geometries: &[Geometry; 2]) -> Row {
     }
 }
 
-/// A random transform; every second one stands 1e9 away, and so does the origin that it is brought back to.
+/// A random transform; every second one is 1e9 away, together with the re-based origin.
 fn transform(random: &mut Random, index: usize) -> DAffine3 {
     let common = random.power(-3.0, 3.0);
     let mut scale = || {
