@@ -1,5 +1,6 @@
 //! The program from outside: exit codes, messages, files, and every command of the README.
 
+mod aovs;
 #[cfg(unix)]
 mod blender;
 mod compare;
@@ -8,19 +9,20 @@ mod denoise;
 mod desktop_and_packages;
 mod errors;
 mod examples;
-mod render_farms;
-mod postprocessing;
-mod inspect;
-mod output_safety;
-mod aovs;
 mod exr_layouts;
+mod help;
+mod inspect;
 mod limits;
-mod resume_and_merge;
+mod lookup_tables;
 mod new_sidecar;
 mod options;
 mod output;
+mod output_safety;
+mod postprocessing;
 mod program;
 mod readme;
+mod render_farms;
+mod resume_and_merge;
 mod sequence;
 mod showcase;
 #[cfg(target_os = "linux")]
@@ -28,10 +30,8 @@ mod signals;
 #[path = "../common/skip.rs"]
 mod skip;
 mod stage;
-mod help;
 mod terminal;
 mod tev;
 mod video;
 #[cfg(target_os = "linux")]
 mod view;
-mod lookup_tables;

@@ -1,4 +1,4 @@
-//! Compressed models, models in archives, and files that are none.
+//! Compressed models, models in archives, and unsupported files.
 
 use crate::codes::code_of;
 use crate::files::{load_files, refused_copies};
@@ -27,7 +27,7 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("packed")
 }
 
-/// An archive with every file deflated.
+/// A ZIP archive with deflated entries.
 pub fn zip(files: &[(&str, &[u8])]) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());
     for (name, content) in files {
@@ -38,7 +38,7 @@ pub fn zip(files: &[(&str, &[u8])]) -> Vec<u8> {
         common.extend((packed.len() as u32).to_le_bytes());
         common.extend((content.len() as u32).to_le_bytes());
         common.extend((name.len() as u16).to_le_bytes());
-        // The extra field, the comment, the disk and the attributes are empty; the place comes last.
+        // Extra field, comment, disk and attributes are empty; the offset comes last.
         directory.extend([&b"PK\x01\x02\x14\0"[..], &common, &[0; 12]].concat());
         directory.extend((bytes.len() as u32).to_le_bytes());
         directory.extend(name.as_bytes());
@@ -56,17 +56,17 @@ pub fn zip(files: &[(&str, &[u8])]) -> Vec<u8> {
 }
 
 #[test]
-fn compressed_models_are_read_like_others() {
+fn compressed_models_load() {
     assert_eq!(triangles(&read("a.ply.gz", &gzip(PLY))), 1);
     assert_eq!(triangles(&read("a.obj.gz", &gzip(OBJ))), 1);
-    // By their content, whatever their name.
+    // Detected by content, not by name.
     assert_eq!(triangles(&read("a.ply", &gzip(PLY))), 1);
     let cut = read("a.ply.gz", &gzip(PLY)[..40]).expect_err("it is cut");
     assert!(cut.to_string().contains("gzip"), "{cut}");
 }
 
 #[test]
-fn archives_hold_a_model_with_its_parts() {
+fn archives_contain_a_model_with_its_files() {
     let picture = include_bytes!("obj_ply/pixel.png");
     let library = b"newmtl a\nmap_Kd maps/a.png\n";
     let files =
@@ -75,14 +75,14 @@ fn archives_hold_a_model_with_its_parts() {
         let loaded = read(name, &zip(&files));
         assert_eq!((triangles(&loaded), loaded.expect("it loads").scene.images.len()), (1, 1));
     }
-    // glTF comes before others.
+    // glTF takes precedence.
     let both = read("a.zip", &zip(&[("a.ply", PLY), ("z.gltf", b"{}")])).expect_err("the glTF is none");
     assert!(both.to_string().contains("/asset/version"), "{both}");
 }
 
-/// Images that are decoded later are there for as long as the scene.
+/// Images that are decoded later stay available as long as the scene.
 #[test]
-fn large_pictures_of_archives_stay_readable() {
+fn deferred_images_of_archives_stay_available() {
     let mut picture = std::io::Cursor::new(Vec::new());
     let noisy = image::RgbImage::from_fn(700, 700, |x, y| image::Rgb([(x * y) as u8, x as u8, y as u8]));
     noisy.write_to(&mut picture, image::ImageFormat::Png).expect("encoded");
@@ -96,7 +96,7 @@ fn large_pictures_of_archives_stay_readable() {
 }
 
 #[test]
-fn archives_that_are_none_or_hostile_are_refused() {
+fn invalid_and_hostile_archives_are_refused() {
     let whole = zip(&[("a.obj", OBJ)]);
     let refusal = |bytes: &[u8]| code_of(&read("a.zip", bytes).expect_err("it is refused"));
     assert_eq!(refusal(&whole[..whole.len() - 30]), "zip-damaged");
@@ -112,14 +112,14 @@ fn archives_that_are_none_or_hostile_are_refused() {
     claims[at + 24..at + 28].copy_from_slice(&0x7fff_ffffu32.to_le_bytes());
     let error = read("a.zip", &claims).expect_err("it is refused").to_string();
     assert!(error.contains("'a.obj'"), "{error}");
-    // What is missing of the last two bytes is the length of a comment.
+    // The last two bytes are the length of a comment.
     for cut in 0..whole.len() - 2 {
         assert!(read("a.zip", &whole[..cut]).is_err());
     }
 }
 
 #[test]
-fn what_is_no_model_is_named_with_a_remedy() {
+fn unsupported_files_are_reported_with_a_hint() {
     for (name, bytes, what, remedy) in [
         ("a.glb", &b"version https://git-lfs.github.com/spec/v1\noid"[..], "Git LFS", "git lfs pull"),
         ("a.glb", b"<!DOCTYPE html><html>", "web page", "download"),
@@ -133,24 +133,24 @@ fn what_is_no_model_is_named_with_a_remedy() {
     }
 }
 
-/// Avatars are glTF by another name.
+/// VRM avatars are glTF with another extension.
 #[test]
-fn avatars_are_gltf() {
+fn vrm_files_are_gltf() {
     let error = read("a.vrm", b"{}").expect_err("it is empty").to_string();
     assert!(error.contains("/asset/version"), "{error}");
 }
 
-/// Models in shops come in archives with their textures.
+/// Models often come in archives with their textures.
 #[test]
-fn paths_of_warnings_name_the_archive() {
+fn warnings_name_the_archive() {
     let loaded = read("a.zip", &zip(&[("a.obj", OBJ)])).expect("it loads");
     let files: Vec<&Path> = loaded.warnings.iter().filter_map(|w| w.file.as_deref()).collect();
     assert!(files.iter().all(|file| file.ends_with("a.zip")) && !files.is_empty(), "{files:?}");
 }
 
-/// Binary and ASCII STL, a compressed PLY and an archive, damaged at random: errors or pictures, never a panic.
+/// Binary and ASCII STL, a compressed PLY and an archive with random damage: errors or valid scenes, never a panic.
 #[test]
-fn damaged_files_of_these_kinds_never_panic() {
+fn damaged_files_never_panic() {
     let mut stl = vec![0; 80];
     stl.extend(2u32.to_le_bytes());
     for _ in 0..2 {

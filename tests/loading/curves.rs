@@ -1,4 +1,4 @@
-//! `[[curves]]` of scene files, and the files that they name.
+//! `[[curves]]` of scene files, and the files they reference.
 
 use crate::files::load_files;
 use oscura::error::Error;
@@ -21,9 +21,9 @@ fn read(curves: &str) -> Result<Loaded, Error> {
 
 const STRAND: &str = "strands = [[[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 0, 0]]]\n";
 
-/// Strands that aren't anywhere, and files without any, are said by name.
+/// Strands out of range, and files without strands, are reported by name.
 #[test]
-fn strands_far_away_and_no_strands_are_reported() {
+fn distant_and_missing_strands_are_reported() {
     let text = "curves 1\n0 0 0 .1 1 0 0\n1 0 0 .1 1 0 0\n\n1e38 0 0 .1 0 1 0\n-1e38 0 0 .1 0 1 0\n\n0 1 0 .2 0 0 1\n0 2 0 .2 0 0 1\n";
     let linear = "file = \"a.curves\"\nname = \"beard\"\nbasis = \"linear\"\n";
     let loaded = with_file(linear, "a.curves", text.as_bytes()).expect("it loads");
@@ -47,7 +47,7 @@ fn strands_far_away_and_no_strands_are_reported() {
 }
 
 #[test]
-fn strands_and_files_are_read() {
+fn inline_strands_and_files_load() {
     let scene = read(&format!("{STRAND}radius = [0.3, 0]")).expect("it loads").scene;
     let curves = &scene.curves[0];
     assert_eq!((curves.basis, &curves.strands[..]), (CurveBasis::CatmullRom, &[4][..]));
@@ -61,7 +61,7 @@ fn strands_and_files_are_read() {
 }
 
 #[test]
-fn hair_files_are_straight_and_their_transparency_is_reported() {
+fn hair_files_are_linear_and_their_transparency_is_reported() {
     let mut bytes = b"HAIR".to_vec();
     bytes.extend([1u32, 2, 2, 1].into_iter().flat_map(u32::to_le_bytes));
     bytes.extend([0.5f32, 0.25, 1.0, 1.0, 1.0].into_iter().flat_map(f32::to_le_bytes));
@@ -81,7 +81,7 @@ fn colours_multiply_the_material() {
 }
 
 #[test]
-fn what_is_wrong_is_reported() {
+fn errors_are_reported() {
     for (curves, words) in [
         ("radius = 1".to_string(), "exactly one of 'strands' and 'file'"),
         (format!("{STRAND}file = \"a.curves\""), "exactly one of 'strands' and 'file'"),

@@ -5,7 +5,7 @@ use oscura::load::{LoadOptions, Loaded, load};
 use oscura::sampling::hash::SplitMix64;
 use tempfile::TempDir;
 
-/// A folder of files; names may hold folders.
+/// A folder with files; names may include folders.
 pub fn folder_of(files: &[(&str, impl AsRef<[u8]>)]) -> TempDir {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (name, content) in files {
@@ -26,8 +26,8 @@ pub fn load_files_by(files: &[(&str, impl AsRef<[u8]>)], options: &LoadOptions) 
     load(folder_of(files).path().join(files[0].0), options)
 }
 
-/// How many of `count` damaged copies are refused. One to three times each, bytes are replaced, inserted (some of them `usual` in the
-/// format), removed or cut off; the same ones on every run.
+/// The number of `count` damaged copies that are refused. One to three times each, bytes are replaced, inserted (some of them
+/// `usual` in the format), removed or truncated; deterministic.
 pub fn refused_copies(
     original: &[u8],
     usual: &[u8],

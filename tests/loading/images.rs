@@ -1,4 +1,4 @@
-//! Images by way of the files that refer to them: textures and environments of scene files, maps of OBJ materials.
+//! Images referenced by files: textures and environments of scene files, maps of OBJ materials.
 
 use crate::files::load_files;
 use crate::skip::skip;
@@ -18,7 +18,7 @@ fn png(width: u32, height: u32) -> Vec<u8> {
     out.into_inner()
 }
 
-/// The image's pixel behind a texture, in linear colour.
+/// The pixel of a texture's image, as linear colour.
 fn colour(loaded: &Loaded, texture: TextureId) -> [f32; 4] {
     let Texture::Image { image, .. } = loaded.scene.textures[texture.index()] else { panic!("not an image") };
     loaded.scene.images[image.index()].rgba(0, 0)
@@ -33,7 +33,7 @@ const SCENE: &str = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\n\
                      [[objects]]\nsphere = { center = [3, 0, 0], radius = 1 }\nmaterial = \"b\"\n";
 
 #[test]
-fn textures_of_a_scene_file_are_srgb_and_share_their_image() {
+fn scene_file_textures_are_srgb_and_share_their_image() {
     let loaded =
         load_files(&[("s.toml", SCENE.as_bytes()), ("a.png", &png(3, 2))]).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
@@ -45,7 +45,7 @@ fn textures_of_a_scene_file_are_srgb_and_share_their_image() {
 }
 
 #[test]
-fn broken_and_missing_textures_of_a_scene_file_are_errors_at_their_line() {
+fn damaged_and_missing_textures_are_errors_with_their_line() {
     let whole = png(64, 64);
     let cut = load_files(&[("s.toml", SCENE.as_bytes()), ("a.png", &whole[..whole.len() / 2])]);
     let shown = cut.expect_err("a cut picture").to_string();
@@ -86,7 +86,7 @@ const MTL: &[u8] =
     b"newmtl a\nKd 0 0 0\nmap_Kd -s 2 2 1 .\\my map.png\nnewmtl b\nKd .5 .5 .5\nmap_Kd ./my map.png\n";
 
 #[test]
-fn maps_of_obj_materials_are_read_once_and_keep_a_factor() {
+fn mtl_maps_are_read_once_and_keep_their_factor() {
     let files: [(&str, &[u8]); 3] = [("a.obj", OBJ), ("m.mtl", MTL), ("my map.png", &png(2, 2))];
     let loaded = load_files(&files).unwrap_or_else(|e| panic!("{e}"));
     let slot = |name: &str| {
@@ -94,7 +94,7 @@ fn maps_of_obj_materials_are_read_once_and_keep_a_factor() {
         let Model::Lambert { albedo } = material.model else { panic!("not Lambert") };
         albedo
     };
-    // A black factor beside a map is an exporter's habit; any other counts.
+    // A black factor next to a map is an exporter's habit and ignored; others apply.
     assert_eq!((slot("a").factor, slot("b").factor), ([1.0; 3], [0.5; 3]));
     let [r, ..] = colour(&loaded, slot("b").texture.expect("a texture"));
     assert!((r - 0.502_886).abs() < 1e-5);
@@ -102,7 +102,7 @@ fn maps_of_obj_materials_are_read_once_and_keep_a_factor() {
 }
 
 #[test]
-fn a_missing_map_of_an_obj_material_is_a_warning_that_names_it() {
+fn missing_mtl_maps_are_warnings() {
     let loaded = load_files(&[("a.obj", OBJ), ("m.mtl", MTL)]).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.textures.is_empty());
     let left_out: Vec<String> =
@@ -111,9 +111,9 @@ fn a_missing_map_of_an_obj_material_is_a_warning_that_names_it() {
     assert!(left_out.iter().all(|w| w.contains("my map.png'")), "{left_out:?}");
 }
 
-/// A block in the middle of a large EXR is damaged: the material does without its texture, and the model is there.
+/// A damaged block in the middle of a large EXR: the material loses its texture, and the model loads.
 #[test]
-fn a_damaged_block_of_an_exr_costs_its_texture_and_not_the_model() {
+fn damaged_exr_block_loses_only_the_texture() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| folder.path().join(name);
     let pixel = |x: usize, y: usize| (x as f32 / 64.0, y as f32, (x * y % 97) as f32);
@@ -137,7 +137,7 @@ fn a_damaged_block_of_an_exr_costs_its_texture_and_not_the_model() {
     assert_eq!(damaged.triangles, whole.triangles);
 }
 
-/// Broken EXR files of others; where they are absent, there is nothing to check.
+/// Damaged third-party EXR files; skipped where absent.
 #[test]
 fn damaged_exr_files_never_panic() {
     let shared = std::env::var_os("OSCURA_SHARED")
@@ -156,9 +156,9 @@ fn damaged_exr_files_never_panic() {
     assert!(refused > 50, "only {refused} were refused");
 }
 
-/// An EXR environment whose pixels are a part of the frame is that frame, black around them; one that is larger is cut.
+/// The data window of an EXR environment is placed in its display window, black around it, and cropped if larger.
 #[test]
-fn exr_windows_are_fitted_to_the_frame() {
+fn exr_data_windows_are_fitted_to_the_display_window() {
     use exr::prelude::{
         Encoding, Image, IntegerBounds, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage,
     };
@@ -190,9 +190,9 @@ fn exr_windows_are_fitted_to_the_frame() {
     }
 }
 
-/// What an EXR holds that is not read is named, with a remedy.
+/// Unsupported EXR features are reported with a hint.
 #[test]
-fn deep_and_subsampled_exrs_are_named() {
+fn deep_and_subsampled_exrs_are_reported() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let attribute = |name: &str, kind: &str, value: &[u8]| {
         let length = (value.len() as u32).to_le_bytes();
@@ -237,7 +237,7 @@ fn deep_and_subsampled_exrs_are_named() {
     }
 }
 
-/// A PNG file of some noise whose pixels take more than a mebibyte.
+/// A PNG file of noise whose pixels take more than a mebibyte.
 fn large_png() -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
     let noise = |x: u32, y: u32| (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503)).to_le_bytes();
@@ -247,7 +247,7 @@ fn large_png() -> Vec<u8> {
 }
 
 #[test]
-fn large_images_of_textures_are_decoded_when_a_scene_is_compiled() {
+fn large_textures_are_decoded_during_compilation() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("s.toml");
     std::fs::write(&path, SCENE).expect("written");
@@ -258,11 +258,11 @@ fn large_images_of_textures_are_decoded_when_a_scene_is_compiled() {
     let decoded = image.decoded(&mut Vec::new()).expect("it is whole");
     assert_eq!((decoded.bytes(), decoded.encoding), (700 * 600 * 3, Encoding::Srgb));
     let (_, report) = compile(&loaded.scene, &CompileOptions::default()).expect("it is whole");
-    // With its pyramid.
+    // With its mip levels.
     let textures = &report.textures;
     assert_eq!((textures.decoded, textures.reduced, textures.bytes), (1, 0, textures.all_bytes));
     assert!((700 * 600 * 3..700 * 600 * 4).contains(&textures.bytes));
-    // Another file in its place.
+    // Another file at the same path.
     std::fs::write(folder.path().join("a.png"), png(3, 2)).expect("written");
     let error = compile(&loaded.scene, &CompileOptions::default()).map(drop).expect_err("it has changed");
     let shown = error.to_string();
@@ -270,7 +270,7 @@ fn large_images_of_textures_are_decoded_when_a_scene_is_compiled() {
 }
 
 #[test]
-fn damage_inside_large_images_is_reported_as_that_of_small_ones() {
+fn damage_in_large_images_is_reported() {
     let whole = large_png();
     let cut = &whole[..whole.len() / 2];
     let loaded = load_files_kept(&[("s.toml", SCENE.as_bytes()), ("a.png", cut)]);
@@ -287,7 +287,7 @@ fn damage_inside_large_images_is_reported_as_that_of_small_ones() {
     assert!(shown[0].contains("m.mtl") && shown[0].contains("line 3: "), "{shown:?}");
 }
 
-/// Loads the first of some files, which stay as long as their folder.
+/// Loads the first of some files; the folder is kept.
 fn load_files_kept(files: &[(&str, &[u8])]) -> (Loaded, tempfile::TempDir) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (name, content) in files {

@@ -1,4 +1,4 @@
-//! Copies of objects at the places of a file.
+//! Instances of objects from a point file.
 
 use oscura::load::{LoadOptions, load};
 use oscura::math::DVec3;
@@ -6,7 +6,7 @@ use oscura::scene::Scene;
 
 const PROPERTIES: [&str; 9] = ["x", "y", "z", "qx", "qy", "qz", "qw", "scale", "index"];
 
-/// A scene of one object with copies at `places`.
+/// A scene of one object instanced at `places`.
 fn scene(object: &str, places: &[[f64; 9]]) -> Result<(Scene, Vec<String>), String> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut ply = format!("ply\nformat ascii 1.0\nelement vertex {}\n", places.len());
@@ -24,8 +24,8 @@ fn scene(object: &str, places: &[[f64; 9]]) -> Result<(Scene, Vec<String>), Stri
 }
 
 #[test]
-fn copies_share_a_mesh_and_have_places_of_their_own() {
-    // A quarter turn about y takes x to -z; the object's own transform comes first.
+fn instances_share_a_mesh() {
+    // A quarter turn about y rotates x to -z; the object's own transform is applied first.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let places =
         [[1.0, 2.0, 3.0, 0.0, half, 0.0, half, 2.0, 7.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 8.0]];
@@ -41,9 +41,9 @@ fn copies_share_a_mesh_and_have_places_of_their_own() {
     assert_eq!((a.name.as_str(), a.traits == b.traits), ("leaf", true));
 }
 
-/// All copies of a mesh have the materials that the object lists for its faces, and objects after them their own.
+/// All instances of a mesh have the materials listed by the object for its faces, and later objects their own.
 #[test]
-fn copies_have_the_listed_materials() {
+fn instances_have_the_listed_materials() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).expect("written");
     let vertices = "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
@@ -62,7 +62,7 @@ fn copies_have_the_listed_materials() {
 }
 
 #[test]
-fn spheres_are_copied_and_what_has_no_volume_is_left_out() {
+fn spheres_are_instanced_and_singular_transforms_dropped() {
     let still = |x: f64, scale: f64| [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, scale, 0.0];
     let places = [still(1.0, 1.0), still(2.0, 0.0), still(3.0, 4.0)];
     let (scene, warnings) = scene("sphere = { center = [0, 1, 0], radius = 0.5 }", &places).unwrap();
@@ -72,7 +72,7 @@ fn spheres_are_copied_and_what_has_no_volume_is_left_out() {
 }
 
 #[test]
-fn what_cannot_be_copied_is_refused() {
+fn unsupported_instances_are_refused() {
     let place = [[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0]];
     assert!(scene("quad = { corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }", &place).is_err());
     let moving = "sphere = { center = [0, 1, 0], radius = 0.5 }\nmotion = { keys = [{ frame = -1 }, { frame = 1, transform = [{ scale = 2 }] }] }";

@@ -1,4 +1,4 @@
-//! What lights are linked to, in scene files and beside models.
+//! Light linking in scene files and sidecars.
 
 use crate::files::load_files;
 use oscura::error::Error;
@@ -27,7 +27,7 @@ fn scene(more: &str) -> Result<Loaded, Error> {
     load_files(&[("scene.toml", format!("{SCENE}{more}\n"))])
 }
 
-/// The sets that the ball and the sides of the box are in.
+/// The sets that contain the sphere and the sides of the box.
 fn members(loaded: &Loaded) -> [ObjectSets; 2] {
     let scene = &loaded.scene;
     let ball = scene.shapes.iter().find(|s| s.name == "ball").expect("a ball");
@@ -39,7 +39,7 @@ fn members(loaded: &Loaded) -> [ObjectSets; 2] {
 }
 
 #[test]
-fn lights_and_objects_that_shine_are_linked_by_names() {
+fn lights_and_emissive_objects_are_linked_by_name() {
     let lights = r#"light_link = { exclude = ["box"] }
 [[lights]]
 light_link = { include = ["ball"] }
@@ -59,13 +59,13 @@ area = { center = [0, 3, 0], direction = [0, -1, 0], size = [1, 1], power = 1 }
     let board = quad("board");
     assert!(board.receivers.includes(ball) && !board.receivers.includes(cube) && board.blockers == Link::All);
     assert!(board.receivers.includes(ObjectSets::NONE) && !receivers.includes(ObjectSets::NONE));
-    // The same names are the same set.
+    // The same names give the same set.
     assert_eq!(quad("lamp"), LightLinks { receivers: Link::All, blockers: receivers });
     assert_eq!(members(&scene("").unwrap_or_else(|e| panic!("{e}"))), [ObjectSets::NONE; 2]);
 }
 
 #[test]
-fn what_is_wrong_with_links_is_reported_at_its_line() {
+fn linking_errors_are_reported_with_their_line() {
     let with = |links: &str| {
         let lights = format!("[[lights]]\n{links}\npoint = {{ position = [0, 9, 0], power = 1 }}");
         scene(&lights).expect_err(links).to_string()

@@ -1,4 +1,4 @@
-//! Everything that reads files: each format's corners, real and damaged files, and what fuzzing found.
+//! File readers: corner cases of each format, real and damaged files, and fuzzing regressions.
 
 mod archives;
 #[path = "../common/codes.rs"]
@@ -6,19 +6,19 @@ mod codes;
 mod curves;
 mod files;
 mod gltf;
+mod ies_profiles;
 mod images;
 mod instances;
-mod left_out;
 mod linking;
-mod moving;
 mod obj_ply;
-mod oracles;
-mod profiles;
+mod other_readers;
 mod regressions;
 mod scene_file;
+mod scene_motion;
 mod scene_reference;
 mod sidecar;
 #[path = "../common/skip.rs"]
 mod skip;
 mod subdivision;
-mod threemf;
+mod three_mf;
+mod unsupported;

@@ -1,4 +1,4 @@
-//! What fuzzing found (`tools/fuzz`): files that once broke a loader or `compile`.
+//! Fuzzing regressions (`tools/fuzz`): files that once broke a loader or `compile`.
 
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::error::Result;
@@ -16,7 +16,7 @@ fn check(path: &Path) -> Result<CompileReport> {
 
 /// Areas of boxes overflowed, and a leaf got more triangles than it can count.
 #[test]
-fn triangles_of_astronomic_size_are_dropped() {
+fn huge_triangles_are_dropped() {
     let mut obj = String::new();
     for i in 0..1000 {
         let far = if i % 10 == 0 { "1e36" } else { "1" };
@@ -24,7 +24,7 @@ fn triangles_of_astronomic_size_are_dropped() {
     }
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("a.obj"), obj).expect("written");
-    // The camera stands near the others: it is where coordinates count from.
+    // The camera is near the others: it is the origin of coordinates.
     let scene = "camera = { look_from = [0, 0, 9], look_at = [0, 0, 0] }\n[[objects]]\nmesh = \"a.obj\"\n";
     let path = folder.path().join("a.toml");
     std::fs::write(&path, scene).expect("written");
@@ -33,7 +33,7 @@ fn triangles_of_astronomic_size_are_dropped() {
     assert!(messages, "{:?}", report.warnings);
 }
 
-/// The parser of the header panics on numbers beyond 64 bits, also where letters follow them.
+/// The header parser panics on numbers beyond 64 bits, also if followed by letters.
 #[test]
 fn gigantic_counts_in_a_ply_header_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");

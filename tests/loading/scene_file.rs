@@ -1,4 +1,4 @@
-//! Scene files: what they build, and that every problem is reported with its line.
+//! Scene files: the scenes they build, and errors with line numbers.
 
 use crate::codes::code_of;
 use crate::files::{load_files, load_files_by, refused_copies};
@@ -40,9 +40,9 @@ fn every_example_loads_without_warnings() {
     assert!(seen >= 4);
 }
 
-/// Objects of one file have facets or smooth normals, each by its own angle; those of one angle share their mesh.
+/// Objects of one file are faceted or smooth, each by its own crease angle; equal angles share a mesh.
 #[test]
-fn objects_are_smoothed_by_their_angles() {
+fn smoothing_by_crease_angle() {
     // Two triangles that meet at a right angle.
     let roof = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n";
     let object = |more: &str| format!("[[objects]]\nmesh = \"roof.obj\"\n{more}");
@@ -61,7 +61,7 @@ fn objects_are_smoothed_by_their_angles() {
     let of_ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nsmooth = 30\n";
     let error = load_text(&with_camera(of_ball)).expect_err("spheres are smooth").to_string();
     assert!(error.contains("smooth"), "{error}");
-    // Models as they are, where the caller asks for it.
+    // Models unchanged, if the caller asks for it.
     let options = LoadOptions { smooth_rad: Some(2.0), ..LoadOptions::default() };
     let loaded = load_files_by(&[("roof.obj", roof)], &options).expect("it loads");
     assert_eq!(loaded.scene.meshes[0].normals.len(), 4);
@@ -70,7 +70,7 @@ fn objects_are_smoothed_by_their_angles() {
 }
 
 #[test]
-fn the_cornell_box_has_its_view_and_a_light_that_faces_down() {
+fn cornell_box_camera_and_light() {
     let scene = load(scenes().join("cornell-quads.toml"), &LoadOptions::default()).expect("it loads").scene;
     let camera = &scene.cameras[0];
     assert!(camera.world_from_camera.transform_vector3(-DVec3::Z).distance(DVec3::Z) < 1e-12);
@@ -105,18 +105,18 @@ fn transforms_apply_in_the_listed_order() {
         "#,
     );
     let scene = load_text(&text).unwrap_or_else(|e| panic!("{e}")).scene;
-    // Scaled to (2, 0, 0), turned to (0, 0, -2), moved to (0, 0, 8).
+    // Scaled to (2, 0, 0), rotated to (0, 0, -2), moved to (0, 0, 8).
     assert!(scene.shapes[0].center.distance(DVec3::new(0.0, 0.0, 8.0)) < 1e-12);
     assert!((scene.shapes[0].radius - 2.0).abs() < 1e-12);
     assert!(scene.quads[0].corner.distance(DVec3::new(5.0, 6.0, 7.0)) < 1e-12);
     assert!(scene.quads[0].edge_v.distance(DVec3::Y * 2.0) < 1e-12);
-    // Mirrored, its front still looks to +z.
+    // Mirrored, its front still faces +z.
     assert!(scene.quads[1].edge_u.cross(scene.quads[1].edge_v).z > 0.0);
     assert!(scene.quads[2].corner.distance(DVec3::Y) < 1e-12);
 }
 
 #[test]
-fn all_problems_come_at_once_with_their_lines_and_near_names() {
+fn all_problems_are_reported_with_lines_and_suggestions() {
     let text = "camera = { look_from = [0, 0, 5], look_att = [0, 0, 0] }\n\
                 [materials]\nglass = { type = \"dielectric\", ior = \"high\" }\n\
                 [[objects]]\nsphere = { center = [0, 0, 0], radius = -1 }\nmaterial = \"glas\"\n\
@@ -139,7 +139,7 @@ fn all_problems_come_at_once_with_their_lines_and_near_names() {
 }
 
 #[test]
-fn numbers_that_begin_with_a_point_are_explained() {
+fn numbers_without_leading_zero_are_explained() {
     for (text, fraction) in
         [("[camera]\nvfov = .5\n", " 0.5"), ("[camera]\nlook_at = [0.1, .8, 0]\n", " 0.5")]
     {
@@ -170,9 +170,9 @@ fn meshes_are_loaded_once_and_unreferenced_images_never() {
     assert_eq!(loaded.left_out.len(), 3);
 }
 
-/// The name of an object is that of the mesh of a format without names: mattes show it.
+/// Meshes of formats without names get the object's name, which Cryptomatte shows.
 #[test]
-fn meshes_without_names_are_called_as_their_objects() {
+fn unnamed_meshes_get_the_object_name() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes");
     let text = format!("[[objects]]\nname = \"ring\"\nmesh = {:?}\n", folder.join("torus.ply"));
     let loaded = load_text(&with_camera(&text)).unwrap_or_else(|e| panic!("{e}"));
@@ -180,7 +180,7 @@ fn meshes_without_names_are_called_as_their_objects() {
 }
 
 #[test]
-fn what_nothing_refers_to_is_checked_without_opening_its_files() {
+fn unreferenced_entries_are_checked_without_opening_files() {
     let ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
     let text = with_camera(&format!(
         "textures.a = {{ type = \"image\", file = \"missing.png\", wrp = \"clamp\" }}\n\
@@ -209,7 +209,7 @@ fn what_nothing_refers_to_is_checked_without_opening_its_files() {
 }
 
 #[test]
-fn cycles_of_textures_are_refused_and_bent_spheres_become_meshes() {
+fn texture_cycles_are_refused_and_scaled_spheres_become_meshes() {
     let cycle = with_camera(
         "textures.a = { type = \"checker\", even = \"b\", odd = 0 }\n\
          textures.b = { type = \"checker\", even = \"a\", odd = 1 }\n\
@@ -237,7 +237,7 @@ fn damaged_scene_files_never_panic() {
 fn a_camera_may_look_straight_down() {
     let text = with_camera("objects = [{ mesh = \"a.obj\" }]").replace("[0, 0, 5]", "[0, 5, 0]");
     let loaded = load_text(&text).unwrap_or_else(|e| panic!("{e}"));
-    // The picture's top is where -z is.
+    // The top of the picture is towards -z.
     let up = loaded.scene.cameras[0].world_from_camera.matrix3.y_axis;
     assert!((up - DVec3::NEG_Z).length() < 1e-12, "{up}");
     let wrong = text.replace("look_at = [0, 0, 0]", "look_at = [0, 0, 0], view_up = [0, 1, 0]");
@@ -246,7 +246,7 @@ fn a_camera_may_look_straight_down() {
 }
 
 #[test]
-fn keys_by_the_names_of_other_programs_are_answered_with_ours() {
+fn key_names_of_other_renderers_get_suggestions() {
     let text = "camera = { position = [0, 0, 5], target = [0, 0, 0], fov = 40, up = [0, 1, 0] }\nrender = { spp = 4 }\n\
                 [[objects]]\nsphere = { position = [0, 0, 0], radius = 1 }\ntranslate = [1, 0, 0]\nmaterial = \"m\"\n\
                 [materials.m]\ntype = \"lambert\"\nalbedo = [1, 1, 1]\n";
@@ -266,7 +266,7 @@ fn keys_by_the_names_of_other_programs_are_answered_with_ours() {
     }
 }
 
-/// Shapes are keys: written as a type, they are one problem.
+/// Shapes are keys: given as a type, they are one problem.
 #[test]
 fn an_object_without_a_shape_is_one_problem() {
     let text = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\nenvironment = { background = 1 }\n\
@@ -277,7 +277,7 @@ fn an_object_without_a_shape_is_one_problem() {
 }
 
 #[test]
-fn a_mistake_makes_no_other_key_unknown() {
+fn errors_do_not_cause_unknown_key_errors() {
     let text = "camera = { look_form = [0, 0, 5], look_at = [0, 0, 0], f_stop = 2, focus_at = [0, 0, 0], blades = 5 }\n\
                 [[lights]]\narea = { center = [0, 4, 0], direction = [0, -1, 0], size = [0, 1], power = 30 }\n";
     let shown = load_text(text).expect_err("two mistakes").to_string();
@@ -290,7 +290,7 @@ fn a_mistake_makes_no_other_key_unknown() {
 }
 
 #[test]
-fn colours_of_bytes_are_warned_of() {
+fn byte_range_colours_are_reported() {
     let materials = "materials.red = { type = \"lambert\", color = [200, 10, 10] }\n\
                      materials.lamp = { type = \"emissive\", radiance = [200, 10, 10] }\n\
                      materials.white = { type = \"pbr\", base_color = 1 }\n";
@@ -302,7 +302,7 @@ fn colours_of_bytes_are_warned_of() {
 }
 
 #[test]
-fn priorities_are_whole_numbers() {
+fn priorities_are_integers() {
     let with = |priority: &str| {
         load_text(&with_camera(&format!(
             "materials.liquid = {{ type = \"dielectric\", ior = 1.5, priority = {priority} }}\n\
@@ -317,10 +317,10 @@ fn priorities_are_whole_numbers() {
     }
 }
 
-/// Faces have the materials of their object's list by their numbers; one list shares one mesh, and attributes that no node names stay
-/// behind.
+/// Faces select a material of their object's list by number; equal lists share a mesh, and attributes that no node uses are
+/// dropped.
 #[test]
-fn faces_have_the_materials_of_a_list() {
+fn faces_select_materials_of_a_list() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let ply = "ply\nformat ascii 1.0\ncomment oscura attribute 0 1 rust\ncomment oscura attribute 1 1 other\nelement vertex 4\n\
                property float x\nproperty float y\nproperty float z\nproperty float a0_0\nproperty float a1_0\nelement face 2\n\
@@ -349,18 +349,18 @@ fn faces_have_the_materials_of_a_list() {
         let mesh = &scene.meshes[meshes[i] as usize];
         mesh.parts.iter().map(|part| scene.materials[part.material.index()].name.as_str()).collect::<Vec<_>>()
     };
-    // The face of the number 0 comes first.
+    // The face of material 0 comes first.
     assert_eq!((names(0), names(3)), (vec!["red", "rusty"], vec!["rusty", "red"]));
     let attributes = &scene.meshes[meshes[0] as usize].attributes;
     assert_eq!(attributes.iter().map(|a| a.name.as_str()).collect::<Vec<_>>(), ["rust"]);
     let shown = write(&["materials = [\"red\", \"red\"]"]).expect_err("too few").to_string();
     assert!(shown.contains("2 names") && shown.contains("'material_index' 2"), "{shown}");
-    // A mesh that one list uses alone is not copied.
+    // A mesh used by only one list is not copied.
     let alone = write(&[both]).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(alone.meshes.len(), 1);
 }
 
-/// A material of nodes on a sphere.
+/// A node material on a sphere.
 fn with_nodes(surface: &str, nodes: &str) -> String {
     with_camera(&format!(
         "[[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"m\"\n[materials.m]\n\
@@ -374,9 +374,9 @@ fn material_of_nodes(surface: &str, nodes: &str) -> Material {
     loaded.scene.materials.into_iter().find(|m| m.name == "m").expect("the material")
 }
 
-/// The graph of a colour knows that another one reads the alpha of its image.
+/// A colour graph records that another one reads the alpha of its image.
 #[test]
-fn graphs_know_whose_alpha_is_read() {
+fn graphs_record_alpha_use() {
     for (alpha, is_read) in [("\"i.alpha\"", true), ("1", false)] {
         let picture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/references/nodes/picture.png");
         let nodes = format!(
@@ -395,7 +395,7 @@ fn graphs_know_whose_alpha_is_read() {
     }
 }
 
-/// A scale of 0 along one axis leaves something flat of a mesh, and nothing of a shape.
+/// A scale of 0 along one axis leaves a flat mesh, but no analytic shape.
 #[test]
 fn meshes_may_be_flat() {
     let placed = |shape: &str, scale: &str| {
@@ -414,39 +414,39 @@ fn meshes_may_be_flat() {
 }
 
 #[test]
-fn shaders_become_the_simplest_material() {
+fn closures_simplify_to_materials() {
     let constant = |value: f32| ColorSlot::constant([value; 3]);
-    // One closure of weight 1 is the material itself, whatever is around it.
+    // One closure of weight 1 is the material itself, whatever its graph.
     let nodes =
         "d = { type = \"diffuse_bsdf\", color = 0.5 }\nm = { type = \"mix_shader\", factor = 0, a = \"d\" }";
     assert_eq!(material_of_nodes("m", nodes).model, Model::Lambert { albedo: constant(0.5) });
-    // A mix of constants has constant weights.
+    // Mixes of constants have constant weights.
     let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\ng = { type = \"glossy_bsdf\" }\n\
                  m = { type = \"mix_shader\", factor = 0.25, a = \"d\", b = \"g\" }";
     let mixed = material_of_nodes("m", nodes);
     let weights: Vec<ColorSlot> = mixed.model.components().iter().map(|c| c.weight).collect();
     assert_eq!(weights, [constant(0.75), constant(0.25)]);
-    // Emission is added up, and a colour in the place of a shader is one.
+    // Emission is added up, and a colour used as a shader is emission.
     let nodes = "e = { type = \"emission\", color = [1, 0.5, 0], strength = 2 }\n\
                  a = { type = \"add_shader\", a = \"e\", b = [1, 1, 1] }";
     let emissive = material_of_nodes("a", nodes);
     assert_eq!(emissive.model, Model::Black);
     assert_eq!(emissive.emission.map(|e| e.radiance), Some(ColorSlot::constant([3.0, 2.0, 1.0])));
-    // A share that passes is alpha, and what remains has its whole weight.
+    // The transparent weight is alpha, and the rest is normalised.
     let nodes = "d = { type = \"diffuse_bsdf\", color = 0.5 }\nt = { type = \"transparent_bsdf\" }\n\
                  m = { type = \"mix_shader\", factor = 0.25, a = \"t\", b = \"d\" }";
     let thin = material_of_nodes("m", nodes);
     assert_eq!((thin.alpha, thin.alpha_mode), (FloatSlot::constant(0.25), AlphaMode::Blend));
     assert_eq!(thin.model, Model::Lambert { albedo: constant(0.5) });
-    // What passes wholly and shines adds its light on the way.
+    // Fully transparent emissive closures add their emission.
     let nodes = "e = { type = \"emission\" }\nt = { type = \"transparent_bsdf\" }\na = { type = \"add_shader\", a = \"e\", b = \"t\" }";
     let glow = material_of_nodes("a", nodes);
     assert!(glow.emission.is_some() && glow.emitter_traits.is_some_and(|traits| !traits.is_obstacle));
 }
 
-/// Light enters the medium of a mix through the shaders that refract; subsurface scattering has a body of its own.
+/// Light enters the medium of a mix through refractive closures; subsurface scattering has its own medium.
 #[test]
-fn refracting_shaders_of_a_mix_bound_its_medium() {
+fn refractive_closures_enter_the_medium() {
     let nodes = "g = { type = \"glass_bsdf\" }\nd = { type = \"diffuse_bsdf\" }\n\
                  s = { type = \"subsurface_scattering\" }\n\
                  a = { type = \"add_shader\", a = \"g\", b = \"d\" }\n\
@@ -462,8 +462,8 @@ fn refracting_shaders_of_a_mix_bound_its_medium() {
 }
 
 #[test]
-fn what_passes_a_surface_of_shaders_has_its_colour() {
-    // A sheet that scatters nothing is passed by all; beside another shader, by the mean share.
+fn tinted_transparent_closures() {
+    // A surface without other closures passes all light; with another closure, the mean transparency.
     let sheet = material_of_nodes("t", "t = { type = \"transparent_bsdf\", color = [1, 0.5, 0.25] }");
     assert_eq!((sheet.alpha, sheet.alpha_mode), (FloatSlot::constant(0.0), AlphaMode::Blend));
     assert_eq!(sheet.transparent_color, ColorSlot::constant([1.0, 0.5, 0.25]));
@@ -474,9 +474,9 @@ fn what_passes_a_surface_of_shaders_has_its_colour() {
     assert_eq!(mixed.transparent_color, ColorSlot::constant([2.0, 1.0, 0.0]));
 }
 
-/// What becomes of light among facets is a choice of each shader.
+/// The microfacet distribution is an option of each node.
 #[test]
-fn shaders_choose_what_facets_do() {
+fn nodes_select_the_microfacet_model() {
     let of = |value: &str| {
         let nodes = format!("p = {{ type = \"principled_bsdf\", roughness = 0.5{value} }}");
         material_of_nodes("p", &nodes).model.pbr().expect("a glTF material").energy_compensation
@@ -486,9 +486,9 @@ fn shaders_choose_what_facets_do() {
     assert_eq!(of(", multiscatter = 1"), Some(EnergyCompensation::On));
 }
 
-/// Glass has the facets that it names.
+/// Glass uses its specified distribution.
 #[test]
-fn glass_has_the_facets_of_beckmann_where_it_says_so() {
+fn glass_with_beckmann_distribution() {
     for (value, expected) in [("", false), (", beckmann = 1", true)] {
         for shader in ["glass_bsdf", "refraction_bsdf"] {
             let nodes = format!("p = {{ type = \"{shader}\", roughness = 0.5{value} }}");
@@ -502,9 +502,9 @@ fn glass_has_the_facets_of_beckmann_where_it_says_so() {
     }
 }
 
-/// What transmits light may be thinner than what is around it.
+/// The index of a transmissive medium may be below that of its surroundings.
 #[test]
-fn indices_below_one_are_those_of_what_transmits() {
+fn ior_below_one_for_transmission() {
     let of = |node: &str| {
         material_of_nodes("p", &format!("p = {{ {node}, ior = 0.7 }}")).model.pbr().map(|p| p.ior)
     };
@@ -518,18 +518,18 @@ fn indices_below_one_are_those_of_what_transmits() {
     assert!(warnings[0].contains("'m'"), "{warnings:?}");
 }
 
-/// An index of 0 reflects all, as in Cycles; one of 1 nothing.
+/// An index of 0 reflects all light, as in Cycles; 1 reflects nothing.
 #[test]
-fn an_index_of_zero_is_a_mirror() {
+fn ior_of_zero_is_a_mirror() {
     for (ior, expected) in [("0.0", 0.0), ("1.0", 1.0)] {
         let material = material_of_nodes("p", &format!("p = {{ type = \"principled_bsdf\", ior = {ior} }}"));
         assert_eq!(material.model.pbr().expect("a glTF material").ior, expected, "{ior}");
     }
 }
 
-/// The base of the Principled shader: an index of refraction by its specular level, a coat, emission.
+/// The Principled BSDF's base: an index of refraction by its specular level, a coat, emission.
 #[test]
-fn the_principled_shader_is_the_gltf_material() {
+fn principled_bsdf_becomes_the_gltf_material() {
     let nodes = "p = { type = \"principled_bsdf\", base_color = [0.1, 0.2, 0.3], roughness = 0.25, coat_weight = 0.5, \
                  emission_color = [1, 0, 0], emission_strength = 3 }";
     let material = material_of_nodes("p", nodes);
@@ -542,7 +542,7 @@ fn the_principled_shader_is_the_gltf_material() {
 }
 
 #[test]
-fn mistakes_in_shaders_are_refused() {
+fn invalid_closures_are_refused() {
     let refusal = |surface: &str, nodes: &str| load_text(&with_nodes(surface, nodes)).expect_err("wrong");
     let round = "a = { type = \"mix_shader\", a = \"b\" }\nb = { type = \"add_shader\", a = \"a\" }";
     assert_eq!(code_of(&refusal("a", round)), "shader-graph-invalid");
@@ -555,7 +555,7 @@ fn mistakes_in_shaders_are_refused() {
 }
 
 #[test]
-fn missing_files_name_the_script_that_makes_them() {
+fn missing_files_name_their_script() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scene.toml");
     let text = "textures.t = { type = \"image\", file = \"made/t.png\" }\nmaterials.m = { type = \"lambert\", color = \"t\" }\n\
@@ -576,7 +576,7 @@ fn missing_files_name_the_script_that_makes_them() {
 }
 
 #[test]
-fn components_of_mixes_are_not_unused() {
+fn mix_components_count_as_used() {
     let mix = "materials.a = { type = \"lambert\" }\nmaterials.b = { type = \"lambert\" }\nmaterials.z = { type = \"lambert\" }\n\
                materials.both = { type = \"mix\", components = [{ material = \"a\" }, { material = \"b\" }] }\n\
                [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"both\"\n";
@@ -585,9 +585,9 @@ fn components_of_mixes_are_not_unused() {
     assert_eq!(unused, ["default", "z"], "{:?}", loaded.left_out);
 }
 
-/// Nothing is wrong with the showcase but what its scripts make or fetch, which isn't there in a fresh clone.
+/// Showcase scenes are valid except for files that their scripts build or fetch, which a fresh clone lacks.
 #[test]
-fn showcase_scenes_only_ask_for_their_scripts() {
+fn showcase_scenes_only_lack_generated_files() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut seen = 0;
     for entry in std::fs::read_dir(scenes().join("showcase")).expect("the showcase") {

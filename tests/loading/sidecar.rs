@@ -1,4 +1,4 @@
-//! Settings that lie beside a model, lights of scene files, and materials that a scene file replaces.
+//! Sidecars of models, lights of scene files, and materials that a scene file replaces.
 
 use crate::files::load_files_by;
 use oscura::error::Error;
@@ -51,12 +51,12 @@ color = [1, 0.5, 0]
 "#;
 
 #[test]
-fn a_model_gets_what_its_format_cannot_carry() {
+fn sidecars_add_what_the_format_lacks() {
     let loaded = with_sidecar(FULL).unwrap_or_else(|e| panic!("{e}"));
     let scene = loaded.scene;
     assert_eq!(scene.environment, Environment::Constant([1.0, 2.0, 3.0]));
     assert_eq!((scene.settings.samples, scene.settings.filter), (Some(9), Some(Filter::Box)));
-    // The sidecar's width precedes the model's; its depth is the model's.
+    // The sidecar's width overrides the model's; the height is the model's.
     assert_eq!((scene.settings.width, scene.settings.depth), (Some(640), Some(7)));
     assert_eq!(scene.instances.len(), 1);
     let lens = scene.cameras[1].lens.expect("depth of field");
@@ -74,7 +74,7 @@ fn a_model_gets_what_its_format_cannot_carry() {
 }
 
 #[test]
-fn an_area_light_is_a_quad_that_faces_its_target() {
+fn area_light_faces_its_target() {
     let scene = with_sidecar(FULL).unwrap_or_else(|e| panic!("{e}")).scene;
     let quad = &scene.quads[0];
     let normal = quad.edge_u.cross(quad.edge_v);
@@ -88,8 +88,8 @@ fn an_area_light_is_a_quad_that_faces_its_target() {
 }
 
 #[test]
-fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
-    // Turned by 90 degrees about x, -z points down; scaled by 2.
+fn area_light_at_an_exported_empty_node() {
+    // Rotated by 90 degrees about x, -z points down; scaled by 2.
     let node = r#"{"name": "Area", "translation": [1, 2, 3], "rotation": [-0.7071067811865476, 0, 0, 0.7071067811865476], "scale": [2, 2, 2]}"#;
     let model = MODEL
         .replace("IMAGE", PIXEL)
@@ -115,7 +115,7 @@ fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
 }
 
 #[test]
-fn a_light_without_a_shape_changes_those_of_its_name() {
+fn lights_without_shape_modify_existing_ones() {
     let changed = |more: &str| with_sidecar(&format!("{FULL}[[lights]]\nname = \"key\"\n{more}"));
     let radiance = |more: &str| {
         let scene = changed(more).unwrap_or_else(|e| panic!("{e}")).scene;
@@ -147,7 +147,7 @@ fn a_light_without_a_shape_changes_those_of_its_name() {
 }
 
 #[test]
-fn sidecars_can_be_left_alone() {
+fn sidecars_can_be_ignored() {
     let model = MODEL.replace("IMAGE", PIXEL);
     let files = [("model.gltf", model.as_str()), ("model.oscura.toml", "this is no TOML")];
     assert!(load_files_by(&files, &LoadOptions::default()).is_err());
@@ -157,7 +157,7 @@ fn sidecars_can_be_left_alone() {
 }
 
 #[test]
-fn all_problems_of_a_sidecar_come_with_its_name_and_lines() {
+fn sidecar_problems_are_reported_with_file_and_lines() {
     let toml = "[camera]\nname = \"frnt\"\ndefocus_angle = 2\n[environmnt]\nbackground = 1\n[[lights]]\n\
                 area = { center = [0, 0, 0], direction = [0, 0, 0], size = [1, 1], power = 1 }\n\
                 [[lights]]\npoint = { position = [0, 0, 0] }\n[[lights]]\nspot = {}\nsun = {}\n\
@@ -177,9 +177,9 @@ fn all_problems_of_a_sidecar_come_with_its_name_and_lines() {
     }
 }
 
-/// Lamps that are reported to be lamps light a model, however little: nothing is added.
+/// Explicit sidecar lights, however weak, disable default lights.
 #[test]
-fn lamps_beside_a_model_are_its_light() {
+fn sidecar_lights_disable_default_lights() {
     for lamp in [
         "area = { center = [0, 3, 0], direction = [0, -1, 0], size = [2, 2], power = 0.1 }\nvisible_to_camera = false",
         "point = { position = [0, 3, 0], radius = 0.5, power = 0.1 }",
@@ -191,14 +191,14 @@ fn lamps_beside_a_model_are_its_light() {
 }
 
 #[test]
-fn numbers_without_their_first_digit_are_reported_what_they_lack() {
+fn numbers_without_leading_zero_are_explained() {
     let error =
         with_sidecar("[[lights]]\npoint = { position = [1, .5, 0], power = 1 }\n").expect_err("no TOML");
     assert!(error.to_string().contains("0.5"), "{error}");
 }
 
 #[test]
-fn depth_of_field_says_what_it_lacks() {
+fn incomplete_depth_of_field_is_reported() {
     let fails = |camera: &str, part: &str| {
         let shown = with_sidecar(&format!("[camera]\n{camera}\n")).expect_err(part).to_string();
         assert!(shown.contains(part), "'{part}' is not in: {shown}");
@@ -212,7 +212,7 @@ fn depth_of_field_says_what_it_lacks() {
 }
 
 #[test]
-fn lenses_have_blades() {
+fn aperture_blades() {
     let toml =
         "[camera]\nf_stop = 2\nfocus_distance = 3\nblades = 6\nblade_rotation = 90\naperture_ratio = 2\n";
     let scene = with_sidecar(toml).unwrap_or_else(|e| panic!("{e}")).scene;
@@ -222,7 +222,7 @@ fn lenses_have_blades() {
 }
 
 #[test]
-fn cameras_need_not_see_a_material() {
+fn camera_visibility_of_materials() {
     let read = |more: &str| {
         let toml = format!("[materials.paint]\nvisible_to_camera = false\n{more}");
         let model = MODEL
@@ -240,7 +240,7 @@ fn cameras_need_not_see_a_material() {
 }
 
 #[test]
-fn bodies_keep_the_paint_of_the_model() {
+fn media_keep_the_surface_material() {
     let read = |extension: &str| {
         let toml = "[materials.skin]\nsubsurface = { color = 0.5, radius = 0.01 }\n";
         let named = format!("\"materials\": [{{\"name\": \"skin\", \"extensions\": {{{extension}}}, ");
@@ -261,17 +261,17 @@ fn bodies_keep_the_paint_of_the_model() {
 }
 
 #[test]
-fn a_placed_camera_comes_before_those_of_the_model() {
+fn placed_cameras_precede_those_of_the_model() {
     let toml = "[camera]\nlook_from = [0, 0, 9]\nlook_at = [0, 0, 0]\ndefocus_angle = 2\n";
     let scene = with_sidecar(toml).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(scene.cameras.len(), 3);
     assert_eq!(scene.cameras[0].world_from_camera.translation.z, 9.0);
-    // Without more it is sharp at what it looks at.
+    // By default it focuses on its target.
     assert_eq!(scene.cameras[0].lens.expect("a lens").focus_distance, 9.0);
 }
 
 #[test]
-fn lights_without_a_surface() {
+fn punctual_lights() {
     let toml = r#"
         [[lights]]
         point = { position = [1, 2, 3], power = 100 }
@@ -293,7 +293,7 @@ fn lights_without_a_surface() {
     assert_eq!(lights[2].intensity, [5.0, 2.5, 1.25]);
 }
 
-/// A scene file with one object for each of `objects`, behind the model's file and an OBJ with a missing texture.
+/// A scene file with one object for each of `objects`, besides the model's file and an OBJ with a missing texture.
 fn scene_of(objects: &str) -> Result<Loaded, Error> {
     let toml = format!(
         "environment.background = 1\nmaterials.own = {{ type = \"lambert\" }}\n\
@@ -323,7 +323,7 @@ fn replaced_materials_and_their_images_are_not_read() {
             loaded.warnings
         );
         assert!(loaded.left_out.iter().any(|l| l.contains(file)), "{file}: {:?}", loaded.left_out);
-        // One object that needs them is enough for the missing image to count.
+        // One object that uses them makes the missing image a problem.
         match scene_of(&format!("{replaced}{object}")) {
             Ok(loaded) => assert!(!loaded.warnings.is_empty(), "{file}"),
             Err(e) => assert!(e.to_string().contains("missing.png"), "{file}: {e}"),
@@ -332,7 +332,7 @@ fn replaced_materials_and_their_images_are_not_read() {
 }
 
 #[test]
-fn a_file_that_only_gives_its_camera_adds_no_meshes() {
+fn camera_only_files_add_no_meshes() {
     let toml = "environment.background = 1\nmaterials.default = { type = \"lambert\" }\n\
                 camera = { from = \"model.gltf\", name = \"front\", defocus_angle = 1, focus_distance = 2 }\n\
                 [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
@@ -344,7 +344,7 @@ fn a_file_that_only_gives_its_camera_adds_no_meshes() {
 }
 
 #[test]
-fn objects_may_be_special_to_rays_and_pictures() {
+fn ray_visibility_of_objects() {
     let of = |line: &str| {
         let toml = format!("[objects.\"node 0\"]\n{line}\n");
         let scene = with_sidecar(&toml).map(|loaded| loaded.scene);
@@ -365,9 +365,9 @@ fn objects_may_be_special_to_rays_and_pictures() {
     assert!(wrong.to_string().contains("'visible_to'"), "{wrong}");
 }
 
-/// As custom properties of Blender come with glTF.
+/// Blender's custom properties in glTF.
 #[test]
-fn extras_of_nodes_say_the_same() {
+fn node_extras_set_ray_visibility() {
     let of = |extras: &str| {
         let node = format!("{{\"mesh\": 0, \"extras\": {extras}}}");
         let model = MODEL.replace("IMAGE", PIXEL).replace("{\"mesh\": 0}", &node);
@@ -390,9 +390,9 @@ fn extras_of_nodes_say_the_same() {
     assert!(messages("extras/visible_to") && messages("extras/visible_shadow"), "{:?}", loaded.warnings);
 }
 
-/// Only what a file says of an object changes.
+/// Only the listed properties of an object change.
 #[test]
-fn links_leave_the_other_traits_of_a_model_as_they_are() {
+fn linking_keeps_other_properties_of_a_model() {
     let model = MODEL.replace("IMAGE", PIXEL);
     let model = model.replace("{\"mesh\": 0}", "{\"mesh\": 0, \"extras\": {\"visible_camera\": false}}");
     let link = "light_link = { exclude = [\"it\"] }";
@@ -409,7 +409,7 @@ fn links_leave_the_other_traits_of_a_model_as_they_are() {
     }
 }
 
-/// The model's material, with a picture and factors of its own.
+/// The model's material, with its own texture and factors.
 const PAINTED: &str = r#""materials": [{"name": "cloth", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1],
     "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [3, 2]}}}, "metallicFactor": 0.5,
     "metallicRoughnessTexture": {"index": 0}}}]"#;
@@ -422,7 +422,7 @@ fn with_painted(toml: &str) -> Result<Loaded, Error> {
 }
 
 #[test]
-fn the_angle_of_view_mixes_a_models_own_texture_with_another() {
+fn facing_mixes_the_models_texture() {
     let toml = r#"
 [materials.cloth]
 base_color = "rim"
@@ -451,7 +451,7 @@ factor = 0.5
         Texture::Mix { a, b, factor } => [a, b, factor],
         ref other => panic!("{other:?}"),
     };
-    // Factors and channels of the model stay.
+    // Factors and channels of the model are kept.
     let color = model.base_color.texture.expect("a texture");
     assert_eq!(model.base_color.factor, [0.5, 0.25, 1.0]);
     let [own, other, table] = mix(color);
@@ -464,14 +464,14 @@ factor = 0.5
     let [own, _, same] = mix(metal);
     let Texture::Image { mapping: Mapping::Uv { transform, .. }, .. } = of(own) else { panic!("no picture") };
     assert_eq!((transform.scale.to_array(), same), ([1.0, 1.0], table));
-    // What has nothing of the model replaces it.
+    // A texture without reference to the model's replaces it.
     let (rough, channel) = model.roughness.texture.expect("a texture");
     assert_eq!((model.roughness.factor, channel), (1.0, 0));
     assert_eq!(*of(mix(rough)[0]), Texture::Solid([0.25; 3]));
 }
 
 #[test]
-fn what_has_no_texture_of_its_own_is_white_there_and_elsewhere_it_is_an_error() {
+fn own_texture_defaults_to_white() {
     let mine = "[textures.mine]\ntype = \"own\"\n";
     let scene = with_painted(&format!("[materials.cloth]\nspecular_color = \"mine\"\n{mine}"));
     let scene = scene.unwrap_or_else(|e| panic!("{e}")).scene;
@@ -498,9 +498,9 @@ fn what_has_no_texture_of_its_own_is_white_there_and_elsewhere_it_is_an_error() 
     }
 }
 
-/// A sheet of Blender's glass bends light, unless thin ones are asked for; then it has the colour that each surface of such glass has.
+/// An open glass surface exported by Blender refracts, unless thin glass is requested; then it has the tint of each interface.
 #[test]
-fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
+fn open_glass_refracts_unless_thin_glass_is_requested() {
     let toml =
         "[materials.pane]\nvolume = false\nkeeps_radiance = true\n[materials.ball]\nkeeps_radiance = true\n";
     let plain = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]"#;
@@ -514,7 +514,7 @@ fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
     let model = model.replace(r#""material": 0}"#, both);
     for (glass, pane, ball) in [
         (Glass::Auto, (false, true, true, 0.25), (true, true, true, 0.25)),
-        // The two triangles lie on each other: together they are closed, and so a body.
+        // The two triangles coincide: together they are closed, and thus a solid.
         (Glass::Panes, (false, false, false, 0.5), (true, true, true, 0.25)),
         (Glass::Thin, (false, false, false, 0.5), (false, false, false, 0.25)),
     ] {
@@ -530,9 +530,9 @@ fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
     }
 }
 
-/// A model may come from anywhere, and its sidecar with it: that reads files of the folder, and no devices or pipes.
+/// Models may be untrusted, and so are their sidecars: these read regular files of the folder, not devices or pipes.
 #[test]
-fn sidecars_read_regular_files_of_the_folder() {
+fn sidecars_read_only_regular_files_of_the_folder() {
     let folder = tempfile::tempdir().expect("a folder");
     let inside = folder.path().join("model");
     std::fs::create_dir(&inside).expect("made");

@@ -1,10 +1,10 @@
-//! Catmull-Clark subdivision of meshes from files, by options, scene files and files beside models.
+//! Catmull-Clark subdivision of meshes, by options, scene files and sidecars.
 
 use crate::files::load_files_by;
 use oscura::load::subdivide::Subdivision;
 use oscura::load::{LoadOptions, Loaded, load};
 
-/// A cube of quads from -1 to 1 without a top, in two groups of materials, with texture coordinates.
+/// A cube of quads from -1 to 1 without a top, in two material groups, with texture coordinates.
 const BOX: &str = "o box\nv -1 -1 -1\nv 1 -1 -1\nv -1 1 -1\nv 1 1 -1\nv -1 -1 1\nv 1 -1 1\nv -1 1 1\nv 1 1 1\n\
     vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\n\
     f 5/1 6/2 8/3 7/4\nf 2/1 1/2 3/3 4/4\ng sides\nusemtl b\nf 1/1 5/2 7/3 3/4\nf 6/1 2/2 4/3 8/4\ns 1\nf 1/1 2/2 6/3 5/4\n";
@@ -20,7 +20,7 @@ fn triangles(loaded: &Loaded) -> Vec<usize> {
 }
 
 #[test]
-fn polygons_of_obj_files_become_smooth() {
+fn obj_polygons_are_subdivided() {
     let plain = load_files_by(&[("a.obj", BOX)], &LoadOptions::default()).expect("it loads");
     assert_eq!(triangles(&plain), [4, 6], "groups are objects of their own");
     let fine = load_files_by(&[("a.obj", BOX)], &levels(2)).expect("it loads");
@@ -30,18 +30,18 @@ fn polygons_of_obj_files_become_smooth() {
     let counts: Vec<u32> = mesh.parts.iter().map(|part| part.triangle_count).collect();
     assert_eq!(counts, [64, 96], "materials keep their faces");
     assert_eq!((mesh.normals.len(), mesh.uv_sets[0].len()), (mesh.positions.len(), mesh.positions.len()));
-    // Each face has its own texture coordinates: 25 vertices per face, but those that neighbours share by chance.
+    // Each face has its own texture coordinates: 25 vertices per face, less those that neighbours share by chance.
     assert!(mesh.positions.len() > 100 && mesh.positions.len() <= 125, "{}", mesh.positions.len());
-    // The lowest point of the rounded bottom lies where that of a cube does, but for the open top: nearly.
+    // The lowest point of the rounded bottom is nearly that of a closed cube.
     let lowest = mesh.positions.iter().map(|p| p[1]).fold(f32::INFINITY, f32::min);
     assert!((lowest + 0.84).abs() < 0.02, "{lowest}");
-    // The open edge is a closed cubic spline of a square: its corners end at 2/3 of them.
+    // The open boundary is a closed cubic spline of a square: its corners end at 2/3 of them.
     let rim: Vec<&[f32; 3]> = mesh.positions.iter().filter(|p| p[1] > 0.999).collect();
     assert!(rim.iter().any(|p| (p[0] - 2.0 / 3.0).abs() < 1e-6 && (p[2] - 2.0 / 3.0).abs() < 1e-6));
 }
 
 #[test]
-fn objects_of_scene_files_choose_levels() {
+fn subdivision_levels_of_scene_file_objects() {
     let object = |more: &str| format!("[[objects]]\nmesh = \"a.obj\"\nmaterial = \"m\"\n{more}\n");
     let scene = |objects: &str| {
         let text = format!(
@@ -61,7 +61,7 @@ fn objects_of_scene_files_choose_levels() {
         "subdivide = { levels = 2, corners = \"round\" }",
     ];
     let loaded = scene(&keys.map(object).concat()).unwrap_or_else(|e| panic!("{e}"));
-    // Where something is subdivided, groups of objects with names belong to these.
+    // With subdivision, named groups stay in their objects.
     assert_eq!(triangles(&loaded), [10, 40, 40, 160, 160]);
     let instances = &loaded.scene.instances;
     assert_eq!(instances[1].mesh, instances[2].mesh, "made once");
@@ -86,7 +86,7 @@ const TETRAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty flo
     3 0 1 2\n3 0 3 1\n3 0 2 3\n3 1 3 2\n";
 
 #[test]
-fn files_beside_models_and_options_subdivide() {
+fn subdivision_by_sidecars_and_options() {
     let beside = "[objects.box]\nsubdivide = 2\n";
     let loaded = load_files_by(&[("a.obj", BOX), ("a.oscura.toml", beside)], &LoadOptions::default());
     assert_eq!(triangles(&loaded.expect("it loads")), [160]);
@@ -104,7 +104,7 @@ fn files_beside_models_and_options_subdivide() {
     let error = load_files_by(&[("s.toml", text), ("a.obj", &grid)], &LoadOptions::default());
     let error = error.expect_err("too many").to_string();
     assert!(error.contains("16000000") && error.contains("line 5"), "{error}");
-    // Two objects of one surface: each for itself, which a warning tells.
+    // Two objects of one surface are subdivided separately, with a warning.
     let parts =
         "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 2 0 0\nv 2 1 0\no left\nf 1 2 3 4\no right\nf 2 5 6 3\n";
     let loaded = load_files_by(&[("p.obj", parts)], &levels(1)).expect("it loads");
@@ -120,8 +120,8 @@ fn files_beside_models_and_options_subdivide() {
 }
 
 #[test]
-fn corners_with_several_normals_are_one_point() {
-    // Normals of faces in the file are no creases, and far away coordinates keep their digits.
+fn split_normals_are_no_creases() {
+    // Face normals in the file are no creases, and distant coordinates keep their precision.
     let text = "v 500000 0 0\nv 500001 0 0\nv 500002 0 0\nv 500000 1 0\nv 500001 1 0\nv 500002 1 0\n\
                 vn 0 0 1\nvn 0 1 1\nf 1//1 2//1 5//1 4//1\nf 2//2 3//2 6//2 5//2\n";
     let loaded = load_files_by(&[("a.obj", text)], &levels(1)).expect("it loads");
@@ -130,10 +130,10 @@ fn corners_with_several_normals_are_one_point() {
     assert!(mesh.normals.iter().all(|n| n[2] > 0.999));
 }
 
-/// What OpenSubdiv makes of the same sheet in Blender 5.0.1 (`tools/compare/subdivide.py`): points on the limit surface after two
-/// steps, with their texture coordinates on both sides of seams.
+/// OpenSubdiv's result for the same sheet in Blender 5.0.1 (`tools/compare/subdivide.py`): points on the limit surface after two
+/// levels, with their texture coordinates on both sides of seams.
 #[test]
-fn sheets_are_those_of_open_subdiv() {
+fn subdivision_matches_opensubdiv() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/references/subdivision");
     for (table, has_round_corners) in [("sharp.csv", false), ("round.csv", true)] {
         let subdivision = Some(Subdivision { levels: 2, has_round_corners });

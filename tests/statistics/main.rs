@@ -1,4 +1,4 @@
-//! Samplers, lobes and intersections, judged by many draws.
+//! Statistical tests of samplers, BSDFs and intersections.
 
 mod accel_stress;
 mod bsdf;

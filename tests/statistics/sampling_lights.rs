@@ -24,7 +24,7 @@ const fn flat(corner: [f32; 3], e1: [f32; 3], e2: [f32; 3], reference: [f32; 3])
     }
 }
 
-/// Overhead, off to the side, grazing, very near, around the foot point, far (by area), tiny, elongated and turned.
+/// Overhead, off to the side, grazing, very near, above the corner, far (sampled by area), tiny, elongated and rotated.
 const RECTANGLES: [Flat; 10] = [
     flat([-1.0, 2.0, -0.5], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]),
     flat([5.0, 2.0, -0.5], [2.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]),
@@ -38,7 +38,7 @@ const RECTANGLES: [Flat; 10] = [
     flat([3.0, 4.0, 5.0], [1.2, 1.6, 0.0], [-0.8, 0.6, 0.5], [2.0, 4.5, 7.0]),
 ];
 
-/// Density per area of the unit square of plane coordinates.
+/// Pdf with respect to the unit square of plane coordinates.
 fn density(f: &Flat, p: [f64; 2], pdf_solid_angle: impl Fn(Vec3) -> f32) -> f64 {
     let (e1, e2) = (f.e1.as_dvec3(), f.e2.as_dvec3());
     let point = f.corner.as_dvec3() + e1 * p[0] + e2 * p[1];
@@ -168,7 +168,7 @@ fn spheres_pass_chi_square() {
 
 #[test]
 fn disks_pass_chi_square() {
-    // Overhead, aside, grazing, hardly above the disk, far.
+    // Overhead, to the side, grazing, hardly above the disk, far.
     let references =
         [[0.0, 2.0, 0.0], [3.0, 1.0, 0.5], [4.0, 0.05, 1.0], [0.2, 1e-3, 0.1], [30.0, 90.0, 1.0]];
     for (i, reference) in references.into_iter().enumerate() {
@@ -179,7 +179,7 @@ fn disks_pass_chi_square() {
         let [a, h, b] = reference.map(f64::from);
         let from = disk.center.as_dvec3() + x * a + y * b + normal * h;
         let radius = disk.axis.as_dvec3().length();
-        // Points by azimuth and squared distance from the middle: uniform by area.
+        // Points by azimuth and squared distance from the centre: uniform by area.
         Chi2::new(&format!("disk {i}"), references.len()).assert(
             |u| {
                 let d = disk.sample(from.as_vec3(), [u[0], u[1]]).point.as_dvec3() - disk.center.as_dvec3();
@@ -208,7 +208,7 @@ fn sphere_solid_angle_is_exact_for_near_and_far() {
     }
 }
 
-/// Points lie on the light and densities are numbers, whatever the place of the reference point.
+/// Points lie on the light and pdfs are finite, for any reference point.
 #[test]
 fn extreme_positions_give_points_on_the_light() {
     let mut random = Random::new(11);
@@ -238,7 +238,7 @@ fn extreme_positions_give_points_on_the_light() {
 }
 
 #[test]
-fn a_point_in_the_plane_sees_nothing() {
+fn a_point_in_the_plane_has_zero_solid_angle() {
     let f = RECTANGLES[0];
     for reference in [f.corner - f.e1, f.corner + f.e1 * 0.5 + f.e2 * 0.5] {
         let r = SphericalRectangle::new(f.corner, f.e1, f.e2, reference);

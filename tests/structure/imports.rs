@@ -1,16 +1,16 @@
-//! No file takes, by way of others or directly, from a file that takes from it.
+//! No import cycles between files.
 //!
-//! A file takes from another where it names an item that the other defines: in a `use` or by a path. Names that a file only
-//! passes on (`pub use` without a use of its own) tie it to nothing, and whoever takes such a name takes it from the file
-//! that defines it. A module's file that declares a module doesn't take from it by that.
+//! A file imports another where it names an item that the other defines: in a `use` or by a path. Names that a file only re-
+//! exports (`pub use` without a use of its own) create no dependency, and whoever uses such a name depends on the file that
+//! defines it. Declaring a module is no dependency.
 
 use crate::source::{Source, Word, parse, sources, starts};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Cycles that are there and should go, by one of their files. New ones don't belong here.
+/// Known cycles to be removed, by one of their files. Don't add new ones.
 const KNOWN: &[&str] = &[];
 
-/// Names that `::` joins.
+/// Names joined by `::`.
 type Path = Vec<String>;
 
 /// What a file declares and imports.
@@ -26,9 +26,9 @@ struct Names {
 
 struct Import {
     path: Path,
-    /// What the file calls it.
+    /// The local name.
     name: String,
-    /// By `pub use`.
+    /// Re-exported by `pub use`.
     passes_on: bool,
 }
 
@@ -40,7 +40,7 @@ struct Crate {
 }
 
 impl Crate {
-    /// The library and the command line as one: `main.rs`, from which nobody takes, is left out.
+    /// Library and command line as one: `main.rs`, which nobody imports, is excluded.
     fn new(sources: &[Source]) -> Self {
         let sources = || sources.iter().filter(|s| s.path != "main.rs");
         let files = sources().map(|s| (s.module.clone(), s.path.clone())).collect();
@@ -49,7 +49,7 @@ impl Crate {
         Crate { files, names }
     }
 
-    /// The module that defines what a path, as written in `from`, names. `None` for a module itself and for other crates.
+    /// The module that defines the item of a path, as written in `from`. `None` for a module itself and for other crates.
     fn defined_in(&self, from: &Path, path: &[String], depth: usize) -> Option<Path> {
         assert!(depth < 20, "{path:?} in {from:?} goes round in circles");
         let (mut module, rest) = self.start(from, path)?;
@@ -92,13 +92,13 @@ impl Crate {
         Some((module, rest))
     }
 
-    /// For each file, the files that it takes from, with one of the names.
+    /// For each file, the files that it imports, with one of the names.
     fn edges(&self) -> BTreeMap<String, BTreeMap<String, String>> {
         let mut edges: BTreeMap<String, BTreeMap<String, String>> = BTreeMap::new();
         for (module, names) in &self.names {
             let taken = names.imports.iter().filter(|i| !i.passes_on || names.mentioned.contains(&i.name));
             for path in taken.map(|import| &import.path).chain(&names.paths) {
-                // An import's own name would lead back to itself.
+                // An import's own name would resolve to itself.
                 let from = if path.len() == 1 { continue } else { module };
                 if let Some(definer) = self.defined_in(from, path, 0).filter(|definer| definer != module) {
                     let name = path.last().expect("a name").clone();
@@ -113,7 +113,7 @@ impl Crate {
     }
 }
 
-/// What a file declares, imports and mentions.
+/// The names that a file declares, imports and mentions.
 fn names(source: &Source) -> Names {
     let words = &source.words;
     let mut names = Names {
@@ -143,14 +143,14 @@ fn names(source: &Source) -> Names {
                 names.paths.insert(path);
             }
         } else {
-            // The names after a stray '::', as of a generic type, belong to what is before it.
+            // Names after a stray '::', as of a generic type, belong to the preceding path.
             at += if words[at].text == "::" { 2 } else { 1 };
         }
     }
     names
 }
 
-/// The names joined by `::` that the words begin with.
+/// The path at the start of the words.
 fn path_at(words: &[Word]) -> Path {
     let mut path = vec![words[0].text.clone()];
     while starts(&words[2 * path.len() - 1..], &["::"])
@@ -161,7 +161,7 @@ fn path_at(words: &[Word]) -> Path {
     path
 }
 
-/// The paths of a tree of imports, each with the name that it gets; takes the tree from the words.
+/// The paths of a use tree, each with its local name; consumes the tree.
 fn tree(words: &mut &[Word], before: &[String], source: &Source) -> Vec<(Path, String)> {
     let mut path = before.to_vec();
     loop {
@@ -205,7 +205,7 @@ fn take<'a>(words: &mut &'a [Word]) -> &'a Word {
     first
 }
 
-/// Groups of files each of which reaches each other one of its group, those of one file left out.
+/// Strongly connected components of more than one file.
 fn cycles(edges: &BTreeMap<String, BTreeMap<String, String>>) -> Vec<BTreeSet<String>> {
     let reached: BTreeMap<&String, BTreeSet<&String>> =
         edges.keys().map(|file| (file, reach(edges, file))).collect();
@@ -231,7 +231,7 @@ fn reach<'a>(edges: &'a BTreeMap<String, BTreeMap<String, String>>, file: &Strin
     reached
 }
 
-/// The edges inside a group, for a person to read.
+/// The edges inside a component, as text.
 fn explain(edges: &BTreeMap<String, BTreeMap<String, String>>, group: &BTreeSet<String>) -> String {
     let mut lines = format!("a cycle of {} files:\n", group.len());
     for file in group {
@@ -243,7 +243,7 @@ fn explain(edges: &BTreeMap<String, BTreeMap<String, String>>, group: &BTreeSet<
 }
 
 #[test]
-fn no_file_takes_from_files_that_take_from_it() {
+fn no_import_cycles() {
     let edges = Crate::new(sources()).edges();
     let ties: usize = edges.values().map(BTreeMap::len).sum();
     assert!(ties > 500, "only {ties} imports between files were found: is the test still right?");
@@ -260,7 +260,7 @@ fn no_file_takes_from_files_that_take_from_it() {
 }
 
 #[test]
-fn imports_are_understood() {
+fn imports_are_parsed() {
     let files = [
         ("lib.rs", "pub mod a; pub mod b; pub use a::deep::Thing;"),
         ("a/mod.rs", "mod deep; mod user; pub(crate) use deep::{Thing, other as another};"),

@@ -1,4 +1,4 @@
-//! The architecture, checked: modules import lower ranks only, and only certain modules print, open files or are unsafe.
+//! Architecture tests: modules import lower ranks only, and only certain modules print, open files or are unsafe.
 
 use crate::source::{Source, Word, root, sources, starts, words};
 use std::path::Path;
@@ -18,7 +18,7 @@ const RANKS: &[(u32, &[&str])] = &[
     (10, &["cli"]),
 ];
 
-/// Imports inside one rank that are meant.
+/// Allowed imports within one rank.
 const WITHIN_RANK: &[(&str, &str)] = &[("compile", "film"), ("load", "shape"), ("load", "texture")];
 
 fn rank(module: &str) -> Option<u32> {
@@ -124,21 +124,21 @@ fn only_the_command_line_prints() {
 
 #[test]
 fn only_load_and_output_open_files() {
-    // The command line reads its own memory use from the system; textures that memory has no room for are in a temporary file.
+    // The command line reads its own memory use from the system; textures that don't fit into memory are in a temporary file.
     only(
         &["load", "output", "cli/process.rs", "texture/store.rs"],
         &["std :: fs", "File :: open", "File :: create", "OpenOptions", "fs :: read"],
     );
 }
 
-/// What holds on some machines only stays where it is known, so that a port has few places to look at.
+/// Platform-dependent code is limited to certain files, which a port has to review.
 #[test]
-fn few_files_know_the_system() {
+fn platform_dependent_code_is_in_few_files() {
     let words = ["cfg ( unix )", "target_os", "os :: unix", "os :: windows", "os :: linux", "libc ::"];
     only(&["simd/cache_line.rs", "output/video.rs", "texture/store.rs"], &words);
 }
 
-/// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).
+/// The library has no command-line options: its messages name choices abstractly (`error::Choice`).
 #[test]
 fn only_the_command_line_names_its_options() {
     // Options of other programs.
@@ -161,13 +161,13 @@ fn only_the_command_line_names_its_options() {
 }
 
 #[test]
-fn main_is_a_door() {
+fn main_is_short() {
     let lines = std::fs::read_to_string(root().join("main.rs")).expect("main.rs").lines().count();
     assert!(lines <= 60, "main.rs has {lines} lines");
 }
 
 #[test]
-fn brace_groups_are_understood() {
+fn brace_groups_are_parsed() {
     let text = "use crate::{film::{Film, x}, math}; crate::scene::Scene";
     assert_eq!(imports(&words(text)), ["film", "math", "scene"]);
 }

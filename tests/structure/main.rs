@@ -1,4 +1,4 @@
-//! The project's structure, checked in its sources.
+//! Checks of the project's structure in its sources.
 
 mod imports;
 mod layering;

@@ -1,4 +1,4 @@
-//! The project's sources as words: without comments, and without what is compiled for tests only.
+//! The project's sources as tokens: without comments and test-only items.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Word {
     pub text: String,
-    /// From 1.
+    /// 1-based.
     pub line: usize,
 }
 
@@ -21,22 +21,22 @@ impl Word {
 
 /// A file under `src`.
 pub struct Source {
-    /// Below `src`, with `/`.
+    /// Relative to `src`, with `/`.
     pub path: String,
-    /// The names of its module, from the crate's root: `["load", "gltf"]` for `load/gltf/mod.rs`.
+    /// The module path from the crate's root: `["load", "gltf"]` for `load/gltf/mod.rs`.
     pub module: Vec<String>,
     /// Without items under `#[cfg(test)]`.
     pub words: Vec<Word>,
-    /// Lines before the first item under `#[cfg(test)]`, or all.
+    /// Number of lines before the first item under `#[cfg(test)]`, or all.
     pub lines: usize,
 }
 
-/// Where the sources lie.
+/// The source folder.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("src")
 }
 
-/// All files of the crate, in order of their names; those that are declared under `#[cfg(test)]` are left out.
+/// All files of the crate, sorted by name, without those declared under `#[cfg(test)]`.
 pub fn sources() -> &'static [Source] {
     static SOURCES: LazyLock<Vec<Source>> = LazyLock::new(read);
     &SOURCES
@@ -97,12 +97,12 @@ pub fn parse(path: &str, text: &str) -> (Source, Vec<String>) {
     (Source { path: path.to_string(), module, words: kept, lines }, children)
 }
 
-/// Do the words begin with these?
+/// Do the words start with these?
 pub fn starts(words: &[Word], with: &[&str]) -> bool {
     words.len() >= with.len() && words.iter().zip(with).all(|(a, b)| a.text == *b)
 }
 
-/// Words up to the `;` or the `}` that ends an item.
+/// Number of words up to the `;` or the `}` that ends an item.
 fn item_length(words: &[Word]) -> usize {
     let mut depth = 0;
     for (i, word) in words.iter().enumerate() {
@@ -118,7 +118,7 @@ fn item_length(words: &[Word]) -> usize {
     words.len()
 }
 
-/// Splits a text of Rust into words.
+/// Splits Rust source into words.
 pub fn words(text: &str) -> Vec<Word> {
     let mut list = Vec::new();
     let (mut rest, mut line) = (text, 1);
@@ -133,7 +133,7 @@ pub fn words(text: &str) -> Vec<Word> {
     list
 }
 
-/// How many bytes the next word takes, and the word unless it is a comment or space.
+/// The length of the next token in bytes, and the word unless it is a comment or whitespace.
 fn next_word(rest: &str, first: char) -> (usize, Option<String>) {
     if first.is_whitespace() {
         return (first.len_utf8(), None);
@@ -159,7 +159,7 @@ fn next_word(rest: &str, first: char) -> (usize, Option<String>) {
     (length, Some(rest[..length].to_string()))
 }
 
-/// Bytes of a block comment; they nest.
+/// Length of a block comment in bytes; they nest.
 fn block_comment(rest: &str) -> usize {
     let (mut depth, mut at) = (0, 0);
     while at < rest.len() {
@@ -175,7 +175,7 @@ fn block_comment(rest: &str) -> usize {
     at
 }
 
-/// Bytes of the string that begins here: plain, of bytes, or raw.
+/// Length of the string literal that starts here in bytes: plain, byte or raw.
 fn string(rest: &str) -> Option<usize> {
     let prefix = rest.find(|c: char| !matches!(c, 'b' | 'r' | 'c')).filter(|&n| n <= 2)?;
     let hashes = rest[prefix..].bytes().take_while(|&b| b == b'#').count();
@@ -201,7 +201,7 @@ fn string(rest: &str) -> Option<usize> {
     None
 }
 
-/// A character or a lifetime.
+/// A character literal or a lifetime.
 fn quoted(rest: &str) -> (usize, Option<String>) {
     let mut characters = rest.char_indices().skip(1);
     let (_, first) = characters.next().expect("a quote is followed by something");

@@ -1,4 +1,4 @@
-//! Texts of the whole repository.
+//! Text files of the whole repository.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -20,14 +20,14 @@ fn collect(folder: &Path, paths: &mut Vec<PathBuf>) {
     }
 }
 
-/// The lines that git leaves where two versions of a text differ.
+/// Conflict markers of git.
 fn conflicts(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let is_mark = |line: &str| ["<<<<<<< ", ">>>>>>> "].iter().any(|mark| line.starts_with(mark));
     text.lines().enumerate().filter(move |(_, line)| is_mark(line) || *line == "=======")
 }
 
 #[test]
-fn no_text_is_half_merged() {
+fn no_conflict_markers() {
     let mut paths = Vec::new();
     collect(Path::new(env!("CARGO_MANIFEST_DIR")), &mut paths);
     assert!(paths.iter().any(|path| path.ends_with("CHANGELOG.md")));
@@ -40,7 +40,7 @@ fn no_text_is_half_merged() {
 }
 
 #[test]
-fn conflicts_are_found() {
+fn conflict_markers_are_found() {
     let text = "a\n<<<<<<< ours\nb\n=======\nc\n>>>>>>> theirs\nx = \"<<<<<<< \"\n";
     let numbers: Vec<usize> = conflicts(text).map(|(number, _)| number).collect();
     assert_eq!(numbers, [1, 3, 5]);

@@ -1,4 +1,4 @@
-//! Small files made on the spot.
+//! Small generated files.
 
 use crate::files::load_files_by;
 use oscura::error::Error;
@@ -7,7 +7,7 @@ use oscura::scene::Scene;
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Three corners, as floats, then the indices 0 1 2 as 16-bit integers and two bytes of padding: 44 bytes.
+/// Three positions as floats, then the indices 0 1 2 as 16-bit integers and two bytes of padding: 44 bytes.
 pub fn triangle_bytes() -> Vec<u8> {
     let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     bytes.extend([0, 0, 1, 0, 2, 0, 0, 0]);
@@ -18,7 +18,7 @@ pub fn floats(numbers: &[f32]) -> Vec<u8> {
     numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
 }
 
-/// One triangle in `a.bin`, shown by one node.
+/// One triangle in `a.bin`, referenced by one node.
 pub fn triangle() -> Value {
     json!({
         "asset": {"version": "2.0"},
@@ -39,14 +39,14 @@ pub fn triangle() -> Value {
     })
 }
 
-/// The triangle, changed.
+/// The triangle, modified.
 pub fn triangle_with(change: impl FnOnce(&mut Value)) -> Value {
     let mut asset = triangle();
     change(&mut asset);
     asset
 }
 
-/// A vertex mesh without indices over the floats and further bytes of `a.bin`.
+/// A mesh without indices over the floats and more bytes of `a.bin`.
 pub fn corners(count: usize, bytes: usize) -> Value {
     triangle_with(|a| {
         a["meshes"][0]["primitives"][0] = json!({"attributes": {"POSITION": 0}});
@@ -57,7 +57,7 @@ pub fn corners(count: usize, bytes: usize) -> Value {
     })
 }
 
-/// Loads `a.gltf` with files beside it.
+/// Loads `a.gltf` with files next to it.
 pub fn load_with(asset: &Value, files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
     load_by(asset, files, &LoadOptions::default())
 }

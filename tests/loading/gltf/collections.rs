@@ -1,5 +1,5 @@
-//! Collections of files by others, which lie outside the repository; without them these tests say so and pass.
-// Tests of decoders that a build may lack use some of this.
+//! Third-party file collections outside the repository; without them these tests are skipped.
+// Tests of optional decoders use some of this.
 #![cfg_attr(not(feature = "decoders"), allow(unused_imports, dead_code))]
 
 use super::asset::{load_with, open, triangle_bytes, triangle_with};
@@ -58,7 +58,7 @@ fn loads_or_explains(path: &Path) -> Result<Loaded, Error> {
     result
 }
 
-/// Each file of the validator has its expected report beside it.
+/// Each file of the validator has its expected report next to it.
 #[test]
 fn files_without_errors_load() {
     let files = collection("gltf-validator");
@@ -98,7 +98,7 @@ fn real_files_load() {
     }
 }
 
-/// Draco, meshopt, quantised and sparse meshes: all load, and the same box has the same extent however it is packed.
+/// Draco, meshopt, quantised and sparse meshes: all load, and the same box has the same bounds in any encoding.
 #[cfg(feature = "decoders")]
 #[test]
 fn compressed_files_load() {
@@ -116,7 +116,7 @@ fn compressed_files_load() {
     }
 }
 
-/// Words in white on one colour: brown as ETC1S and as UASTC, green as plain pixels.
+/// White text on a uniform colour: brown as ETC1S and as UASTC, green as uncompressed pixels.
 #[cfg(feature = "ktx2")]
 #[test]
 fn basis_universal_files_decode() {
@@ -136,7 +136,7 @@ fn basis_universal_files_decode() {
         let is_ground = |[r, g, b, _]: [f32; 4]| {
             [r, g, b].iter().zip(ground).all(|(found, expected)| (found - expected).abs() < 0.02)
         };
-        // The lower part has no words; a third of the upper part has.
+        // The lower part has no text; a third of the upper part has.
         let count = |rows: std::ops::Range<u32>, what: &dyn Fn([f32; 4]) -> bool| {
             rows.flat_map(|y| (0..40).map(move |x| (x, y))).filter(|&(x, y)| what(image.rgba(x, y))).count()
         };
@@ -170,7 +170,7 @@ fn damaged_basis_universal_files_never_panic() {
 }
 
 #[test]
-fn a_helmet_with_its_textures() {
+fn damaged_helmet_loads() {
     for path in collection("models").iter().filter(|p| p.ends_with("DamagedHelmet.glb")) {
         let scene = open(path).expect("it loads").scene;
         assert_eq!(scene.meshes[0].triangles.len(), 15_452);

@@ -1,4 +1,4 @@
-//! Damaged and hostile files: a clear error or a picture, never a panic, and never more memory than the file justifies.
+//! Damaged and hostile files: a clear error or a valid scene, never a panic, and never more memory than the file justifies.
 
 use super::asset::{glb, load_by, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
 use oscura::compile::{CompileOptions, compile};
@@ -8,11 +8,11 @@ use oscura::load::{LoadOptions, Loaded};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// A change of the triangle, and what the error must say.
+/// A modification of the triangle, and the expected words of the error.
 type Case = (fn(&mut Value), &'static [&'static str]);
 
 #[test]
-fn each_problem_is_named_with_its_place() {
+fn problems_are_reported_with_their_location() {
     let cases: &[Case] = &[
         (|a| a["accessors"][0]["count"] = json!(4), &["/accessors/0", "reach beyond"]),
         (|a| a["accessors"][0]["count"] = json!(u64::MAX), &["/accessors/0"]),
@@ -91,14 +91,14 @@ fn many_problems_are_counted() {
 }
 
 #[test]
-fn no_memory_without_a_reason() {
+fn no_memory_amplification() {
     for count in [1u64 << 20, 1 << 32, 1 << 50, u64::MAX] {
         let asset = triangle_with(|a| {
             a["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": count});
         });
         assert!(refusal(&asset).contains("/accessors/0"));
     }
-    // The same vertices again and again, each time with other colours beside them.
+    // The same vertices repeatedly, each time with other colours.
     let asset = triangle_with(|a| {
         a["accessors"][0] = json!({"componentType": 5126, "type": "VEC3", "count": 65536});
         let other =
@@ -110,7 +110,7 @@ fn no_memory_without_a_reason() {
     assert!(refusal(&asset).contains("justifies"));
 }
 
-/// Every part of a GLB cut off: an error each time.
+/// A GLB truncated at every length: an error each time.
 #[test]
 fn a_truncated_container_is_refused() {
     let mut asset = triangle();
@@ -133,7 +133,7 @@ fn a_truncated_container_is_refused() {
     }
 }
 
-/// Chunks that nobody knows are skipped (glTF 2.0, section 4.4), also where the binary chunk may stand.
+/// Unknown chunks are skipped (glTF 2.0, section 4.4), also in place of the binary chunk.
 #[test]
 fn unknown_chunks_are_skipped() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -151,32 +151,32 @@ fn unknown_chunks_are_skipped() {
     assert!(message.contains("'ACME'"), "{message}");
 }
 
-/// The triangle with its bytes in the document.
+/// The triangle with its buffer as a data URI.
 fn triangle_in_a_uri() -> Value {
     let escaped: String = triangle_bytes().iter().map(|b| format!("%{b:02x}")).collect();
     triangle_with(|a| a["buffers"][0]["uri"] = json!(format!("data:,{escaped}")))
 }
 
-/// Each value of a document with all features replaced by nonsense, and each removed: whatever comes of it, no panic,
-/// neither here nor when what loads is compiled.
+/// Each value of a document with all features replaced by nonsense, and each removed: no panic, neither in loading nor in
+/// compilation.
 #[test]
-fn nonsense_anywhere_never_panics() {
-    nonsense_everywhere(&rich(), load_triangle);
+fn invalid_values_never_panic() {
+    check_invalid_values(&rich(), load_triangle);
 }
 
-/// The same with what moves: the project's reed in the middle of its animation.
+/// The same with animation: the reed of the repository in the middle of its animation.
 #[test]
-fn nonsense_in_motion_never_panics() {
+fn invalid_values_in_animations_never_panic() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/reed.gltf");
     let text = std::fs::read_to_string(path).expect("the asset is there");
     let reed = serde_json::from_str(&text).expect("it is JSON");
     let gltf =
         GltfOptions { time_s: Some(0.7), variant: Some("autumn".to_string()), ..GltfOptions::default() };
     let options = LoadOptions { gltf, ..LoadOptions::default() };
-    nonsense_everywhere(&reed, |asset| load_by(asset, &[], &options));
+    check_invalid_values(&reed, |asset| load_by(asset, &[], &options));
 }
 
-/// What a scene shows, without colours and names.
+/// The visible contents of a scene, without colours and names.
 fn shown(loaded: &Loaded) -> (usize, usize, usize, usize, String) {
     let scene = &loaded.scene;
     let triangles = scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len()).sum();
@@ -186,7 +186,7 @@ fn shown(loaded: &Loaded) -> (usize, usize, usize, usize, String) {
     (triangles, scene.lights.len(), scene.cameras.len(), scene.images.len(), geometry)
 }
 
-fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Error>) {
+fn check_invalid_values(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Error>) {
     let original = load(asset).unwrap_or_else(|e| panic!("{e}"));
     let mut places = Vec::new();
     pointers(asset, String::new(), &mut places);
@@ -214,7 +214,7 @@ fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Er
             tried += 1;
             match load(&broken) {
                 Ok(loaded) => {
-                    // Nothing takes a word for a number, a list or an object: whatever is lost by one must be reported.
+                    // A string is never accepted as a number, list or object: what is lost by one must be reported.
                     let is_same = !value.is_string() || shown(&loaded) == shown(&original);
                     let says_more = loaded.warnings.iter().any(|w| !original.warnings.contains(w));
                     assert!(is_same || says_more, "{value} at {place} changes the scene in silence");
@@ -250,7 +250,7 @@ fn pointers(value: &Value, at: String, places: &mut Vec<String>) {
     }
 }
 
-/// A document that uses about everything that is read.
+/// A document that uses nearly everything that is supported.
 fn rich() -> Value {
     let png = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGP4z8AAAAMBAQDJ/pLvAAAAAElFTkSuQmCC";
     let transform = json!({"KHR_texture_transform": {"offset": [0.1, 0.2], "scale": [2, 2], "rotation": 1, "texCoord": 1}});

@@ -1,4 +1,4 @@
-//! Builds that lack a decoder treat its extension as any other that is not read, and name the remedy.
+//! Builds without a decoder treat its extension as unsupported, and give a hint.
 #![cfg(not(all(feature = "draco", feature = "ktx2", feature = "webp")))]
 
 use super::asset::{load_by, refusal, triangle_bytes, triangle_with};
@@ -51,7 +51,7 @@ fn draco_meshes_need_their_decoder() {
     warns(&forced, &["/meshes/0/primitives/0", "left out"]);
 }
 
-/// The triangle with a texture whose image an extension gives, beside a plain one or alone.
+/// The triangle with a texture whose image is given by an extension, with or without a plain fallback.
 #[cfg(not(all(feature = "ktx2", feature = "webp")))]
 fn textured(extension: &str, list: &str, plain: bool) -> Value {
     triangle_with(|a| {

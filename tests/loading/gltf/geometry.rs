@@ -17,7 +17,7 @@ fn one_triangle() {
 }
 
 #[test]
-fn the_binary_container_holds_the_same() {
+fn glb_loads_the_same_scene() {
     let mut asset = triangle();
     asset["buffers"][0].as_object_mut().expect("an object").remove("uri");
     let scene = load_files(&[("a.glb", glb(&asset, &triangle_bytes()))]).expect("it loads").scene;
@@ -25,7 +25,7 @@ fn the_binary_container_holds_the_same() {
 }
 
 #[test]
-fn buffers_in_uris_and_in_files_with_odd_names() {
+fn buffers_in_data_uris_and_escaped_file_names() {
     let embedded = triangle_with(|a| {
         a["buffers"][0] = json!({"byteLength": 42, "uri": "data:application/octet-stream;base64,\
             AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIA"});
@@ -37,7 +37,7 @@ fn buffers_in_uris_and_in_files_with_odd_names() {
 }
 
 #[test]
-fn strips_fans_and_plain_corners() {
+fn strips_fans_and_unindexed_triangles() {
     let square = floats(&[0., 0., 0., 1., 0., 0., 0., 1., 0., 1., 1., 0.]);
     for (mode, expected) in
         [(4, vec![[0, 1, 2]]), (5, vec![[0, 1, 2], [1, 3, 2]]), (6, vec![[1, 2, 0], [2, 3, 0]])]
@@ -48,7 +48,7 @@ fn strips_fans_and_plain_corners() {
     }
 }
 
-/// Eight corners: two strips or fans of a square each, distinguished by the largest index of its type.
+/// Eight vertices: two strips or fans of a square each, separated by the restart index of the type.
 fn restarted(mode: u8, component: u32, indices: &[u32], extension: &str) -> Result<Vec<[u32; 3]>, String> {
     let mut bytes: Vec<u8> = (0..8).flat_map(|i| floats(&[(i % 2) as f32, (i / 2) as f32, 0.0])).collect();
     for &index in indices {
@@ -80,9 +80,9 @@ fn restarted(mode: u8, component: u32, indices: &[u32], extension: &str) -> Resu
     Ok(loaded.scene.meshes.into_iter().flat_map(|mesh| mesh.triangles).collect())
 }
 
-/// KHR_mesh_primitive_restart, and EXT_mesh_primitive_restart in files that use it likewise.
+/// KHR_mesh_primitive_restart, and EXT_mesh_primitive_restart in files that use it that way.
 #[test]
-fn strips_and_fans_begin_again() {
+fn primitive_restart() {
     let two = |restart: u32| [0, 1, 2, 3, restart, 4, 5, 6, 7];
     for (component, restart) in [(5121, 255), (5123, 65535), (5125, u32::MAX)] {
         for extension in ["KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart"] {
@@ -97,21 +97,21 @@ fn strips_and_fans_begin_again() {
                 && undeclared.contains("KHR_mesh_primitive_restart"),
             "{undeclared}"
         );
-        // Lists of triangles don't begin again.
+        // Triangle lists have no restarts.
         let list = [0, 1, 2, restart, 4, 5];
         assert!(restarted(4, component, &list, "KHR_mesh_primitive_restart").is_err());
     }
-    // Pieces without a triangle, restarts in a row and at the ends; an index that is the restart of a smaller type.
+    // Segments without a triangle, consecutive restarts and at the ends; an index that equals the restart of a smaller type.
     let odd = [255, 255, 0, 1, 255, 2, 3, 4, 255, 255, 5, 255];
     let odd = restarted(5, 5121, &odd, "KHR_mesh_primitive_restart");
     assert_eq!(odd.expect("it loads"), [[2, 3, 4]]);
     assert!(restarted(5, 5123, &two(255), "KHR_mesh_primitive_restart").is_err());
 }
 
-/// EXT_mesh_primitive_restart as it was published: groups of primitives that may be drawn as one. They are drawn one by one, whatever
-/// is wrong with a group.
+/// EXT_mesh_primitive_restart as published: groups of primitives that may be drawn as one. They load one by one, whatever is
+/// wrong with a group.
 #[test]
-fn groups_of_strips_are_read_one_by_one() {
+fn primitive_restart_groups_load_one_by_one() {
     for group in [json!({"primitives": [0], "indices": 1}), json!({"primitives": [7, 7], "indices": 99})] {
         let asset = triangle_with(|a| {
             a["extensionsUsed"] = json!(["EXT_mesh_primitive_restart"]);
@@ -126,7 +126,7 @@ fn groups_of_strips_are_read_one_by_one() {
 }
 
 #[test]
-fn points_and_lines_are_no_meshes() {
+fn points_and_lines_are_not_triangles() {
     for (mode, bodies) in [(0, [3, 0]), (1, [0, 1]), (2, [0, 1]), (3, [0, 1])] {
         let asset = triangle_with(|a| a["meshes"][0]["primitives"][0]["mode"] = json!(mode));
         let loaded = load_triangle(&asset).expect("it loads");
@@ -165,7 +165,7 @@ fn interleaved_elements_and_normalised_integers() {
 }
 
 #[test]
-fn sparse_accessors_replace_elements() {
+fn sparse_accessors() {
     let mut bytes = triangle_bytes();
     bytes.extend([2, 0, 0, 0]);
     bytes.extend(floats(&[5.0, 6.0, 7.0]));
@@ -192,7 +192,7 @@ fn sparse_accessors_replace_elements() {
 }
 
 #[test]
-fn primitives_become_parts_and_share_vertices() {
+fn primitives_become_parts_with_shared_vertices() {
     let asset = triangle_with(|a| {
         let primitive = json!({"attributes": {"POSITION": 0}, "indices": 1});
         a["meshes"][0]["primitives"].as_array_mut().expect("a list").push(primitive);
@@ -221,12 +221,12 @@ fn a_mesh_with_and_without_normals_becomes_two() {
     let scene = scene(&asset, &bytes);
     assert_eq!((scene.meshes.len(), scene.instances.len()), (2, 2));
     assert!(scene.meshes[0].normals.is_empty());
-    // The second normal is made unit, the third taken from its triangle.
+    // The second normal is normalised, the third computed from its triangle.
     assert_eq!(scene.meshes[1].normals, [[0.0, 0.0, 1.0]; 3]);
 }
 
 #[test]
-fn triangles_with_unusable_corners_are_dropped() {
+fn triangles_with_invalid_vertices_are_dropped() {
     let mut numbers = vec![0., 0., 0., 1., 0., 0., 0., 1., 0.];
     numbers.extend([f32::NAN, 0., 0., 1., 0., 0., 0., 1., 0.]);
     let loaded = load_with(&corners(6, 72), &[("a.bin", &floats(&numbers))]).expect("it loads");

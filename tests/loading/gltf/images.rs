@@ -1,5 +1,5 @@
-//! Images: formats that only glTF brings, and that nothing is decoded without need.
-// Tests of decoders that a build may lack use some of this.
+//! Images: formats that only glTF uses, and deferred decoding.
+// Tests of optional decoders use some of this.
 #![cfg_attr(not(feature = "decoders"), allow(unused_imports, dead_code))]
 
 use super::asset::{load_with, triangle_bytes, triangle_with};
@@ -12,7 +12,7 @@ use oscura::scene::{Scene, Texture};
 use serde_json::{Value, json};
 use std::process::Command;
 
-/// A KTX2 file of one level: `format` is Vulkan's number, 0 with the description of UASTC blocks.
+/// A KTX2 file of one level: `format` is a VkFormat, 0 with the data format descriptor of UASTC.
 fn ktx2(format: u32, width: u32, height: u32, level: &[u8]) -> Vec<u8> {
     let (description, data) = (104u32, 104 + 44);
     let mut bytes = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
@@ -31,7 +31,7 @@ fn ktx2(format: u32, width: u32, height: u32, level: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// A UASTC block of one colour (mode 8).
+/// A uniform UASTC block (mode 8).
 #[cfg(feature = "ktx2")]
 fn solid_block(rgba: [u8; 4]) -> [u8; 16] {
     (0x17u128 | u128::from(u32::from_le_bytes(rgba)) << 5).to_le_bytes()
@@ -49,7 +49,7 @@ fn load(asset: &Value, name: &str, bytes: &[u8]) -> Result<Loaded, Error> {
     load_with(asset, &[("a.bin", &triangle_bytes()), (name, bytes), ("red.png", RED)])
 }
 
-/// What is said of the only image, which can't be read: the texture is gone, and no more.
+/// The message about the only image, which can't be read: only the texture is lost.
 fn lost(loaded: &Result<Loaded, Error>) -> String {
     let loaded = loaded.as_ref().unwrap_or_else(|e| panic!("{e}"));
     let Scene { images, textures, meshes, .. } = &loaded.scene;
@@ -97,7 +97,7 @@ fn plain_ktx2_and_its_damage() {
     }
 }
 
-/// An image in the file itself, which no later decoding misses.
+/// An embedded image, without deferred decoding.
 fn load_embedded(bytes: &[u8]) -> Result<Loaded, Error> {
     use base64::Engine;
     let text = base64::engine::general_purpose::STANDARD.encode(bytes);
@@ -105,7 +105,7 @@ fn load_embedded(bytes: &[u8]) -> Result<Loaded, Error> {
     load_with(&asset, &[("a.bin", &triangle_bytes()), ("red.png", RED)])
 }
 
-/// Large ones are decoded when a picture needs them, to the same pixels.
+/// Large ones are decoded when needed, to the same pixels.
 #[test]
 fn large_ktx2_files_stay_encoded() {
     let pixels: Vec<u8> =
@@ -117,7 +117,7 @@ fn large_ktx2_files_stay_encoded() {
     assert_eq!(image.encoding, Encoding::Srgb);
     let decoded = image.decoded(&mut Vec::new()).unwrap_or_else(|_| panic!("damaged"));
     assert!(matches!(&*decoded.pixels, oscura::image::Pixels::U8(read) if *read == pixels));
-    // Damage that the header shows is reported while loading.
+    // Damage visible in the header is reported while loading.
     let messages = lost(&load_embedded(&whole[..whole.len() - 1]));
     assert!(messages.contains("[texture-missing]"), "{messages}");
 }
@@ -137,7 +137,7 @@ fn large_basis_universal_textures_stay_encoded() {
 }
 
 #[test]
-fn lists_of_textures_in_a_ktx2_file_give_the_first_with_a_warning() {
+fn ktx2_texture_arrays_use_the_first_layer() {
     let asset = textured("a.ktx2", json!({"source": 0}));
     let mut bytes = ktx2(29, 4, 2, &[9; 24]);
     bytes[32..36].copy_from_slice(&3u32.to_le_bytes());
@@ -147,7 +147,7 @@ fn lists_of_textures_in_a_ktx2_file_give_the_first_with_a_warning() {
 
 /// Glossiness in alpha becomes roughness; the same image gives the specular colour.
 #[test]
-fn specular_glossiness_in_metallic_roughness_terms() {
+fn specular_glossiness_is_converted() {
     let mut asset = textured("a.ktx2", json!({"source": 0}));
     asset["materials"][0] = json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
         "diffuseFactor": [0.5, 0.25, 0.125, 1], "specularFactor": [0.2, 0.4, 1], "glossinessFactor": 0.5,
@@ -157,7 +157,7 @@ fn specular_glossiness_in_metallic_roughness_terms() {
     let scene = load(&asset, "a.ktx2", &bytes).unwrap_or_else(|e| panic!("{e}")).scene;
     let oscura::scene::Model::Pbr(p) = &scene.materials[0].model else { panic!("no glTF material") };
     assert_eq!((p.base_color.factor, p.metallic.factor, p.ior), ([0.5, 0.25, 0.125], 0.0, 1.5));
-    // 0.04 is what the specular colour is multiplied by.
+    // 0.04 is the factor on the specular colour.
     assert!(p.specular_color.factor.iter().zip([0.2, 0.4, 1.0]).all(|(f, s)| (f * 0.04 - s).abs() < 1e-6));
     let (rough, channel) = p.roughness.texture.expect("a texture");
     let Texture::Image { image, .. } = scene.textures[rough.index()] else { panic!("no image") };
@@ -166,9 +166,9 @@ fn specular_glossiness_in_metallic_roughness_terms() {
     assert!(p.specular_color.texture.is_some_and(|t| t != rough));
 }
 
-/// Of 50 images 2 are seen; the others are no images at all, and `--explain` says that they are left out.
+/// Of 50 images 2 are visible; the others are invalid images, and `--explain` lists them as culled.
 #[test]
-fn fifty_images_of_which_two_are_seen() {
+fn unreferenced_images_are_not_read() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let asset = triangle_with(|a| {
         a["materials"] = json!([
@@ -194,7 +194,7 @@ fn fifty_images_of_which_two_are_seen() {
     assert!(output.status.success() && messages.contains("48 of 50 images"), "{messages}");
 }
 
-/// Pixels are taken as stored, as glTF demands: that is noted, and no warning.
+/// Pixels are used as stored, as glTF requires: that is noted, without a warning.
 #[test]
 fn how_an_image_asks_to_be_turned_is_noted() {
     let exif = b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
@@ -325,7 +325,7 @@ fn levels_of_plain_pixels_under_supercompression() {
 
 /// A screen whose picture is lost is no lamp.
 #[test]
-fn without_its_texture_a_material_does_not_shine() {
+fn emission_without_its_texture_is_dropped() {
     let mut asset = textured("a.png", json!({"source": 0}));
     asset["materials"][0]["emissiveTexture"] = json!({"index": 0});
     asset["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
@@ -338,7 +338,7 @@ fn without_its_texture_a_material_does_not_shine() {
 /// Of two textures the damaged one is lost, wherever the damage is noticed, and the other stays.
 #[cfg(feature = "ktx2")]
 #[test]
-fn a_damaged_texture_is_lost_alone() {
+fn damaged_textures_are_lost_alone() {
     let mut asset = textured("a.ktx2", json!({"source": 0}));
     asset["materials"][0]["emissiveTexture"] = json!({"index": 1});
     asset["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);

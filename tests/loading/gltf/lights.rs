@@ -24,9 +24,9 @@ fn near(a: DVec3, b: [f64; 3]) -> bool {
     a.distance(DVec3::from(b)) < 1e-9
 }
 
-/// Width, height and place of a rectangle; the largest scale of its node holds for both sides.
+/// Width, height and position of a rectangle; the largest scale of its node applies to both sides.
 #[test]
-fn rectangles_shine_along_minus_z() {
+fn rectangle_lights_emit_along_minus_z() {
     let light =
         json!({"type": "rect", "size": 0.5, "rect": {"aspect": 2}, "color": [1, 0.5, 0], "intensity": 6830});
     let node = json!({"name": "panel", "translation": [1, 2, 3], "scale": [1, 2, -0.5]});
@@ -35,7 +35,7 @@ fn rectangles_shine_along_minus_z() {
         panic!("one")
     };
     assert_eq!(name, "panel");
-    // The node turns its z axis round, and with it the light.
+    // The node rotates its z axis, and the light with it.
     assert!(near(edge_u.cross(*edge_v).normalize(), [0.0, 0.0, 1.0]));
     assert!((edge_u.cross(*edge_v).length() - 2.0).abs() < 1e-12);
     assert!(near(*corner + (*edge_u + *edge_v) / 2.0, [1.0, 2.0, 3.0]));
@@ -51,7 +51,7 @@ fn rectangles_shine_along_minus_z() {
 }
 
 #[test]
-fn disks_and_what_is_left_out_of_them() {
+fn disk_lights_and_unsupported_parts() {
     let node = json!({"rotation": [FRAC_1_SQRT_2, 0, 0, FRAC_1_SQRT_2]});
     let loaded = load_triangle(&with_area(json!({"type": "disk", "size": 3}), node)).expect("it loads");
     let [disk @ Shape { radius, .. }] = &loaded.scene.shapes[..] else { panic!("one") };
@@ -61,9 +61,9 @@ fn disks_and_what_is_left_out_of_them() {
     assert!((emission.radiance.factor[0] - 1000.0 / 683.0).abs() < 1e-5);
 }
 
-/// What moves while the shutter is open moves along: a rectangle as itself, a disk as triangles.
+/// Moves with the node while the shutter is open: a rectangle as itself, a disk as triangles.
 #[test]
-fn they_move_with_their_nodes() {
+fn area_lights_move_with_their_nodes() {
     for kind in ["rect", "disk"] {
         let mut asset = with_area(json!({"type": kind}), json!({"name": "lamp"}));
         let mut bytes = triangle_bytes();
@@ -97,7 +97,7 @@ fn they_move_with_their_nodes() {
 }
 
 #[test]
-fn broken_area_lights() {
+fn invalid_area_lights() {
     let on_node = |light: Value| with_area(light, json!({}));
     for (light, place) in [
         (json!({}), "EXT_lights_area/lights/0/type"),
@@ -123,7 +123,7 @@ fn broken_area_lights() {
     assert!(flat.scene.quads.is_empty() && flat.warnings.iter().any(|w| w.message.contains("singular")));
 }
 
-/// A PNG of one colour, 2 x 2 texels.
+/// A uniform PNG of 2 x 2 texels.
 fn png<const N: usize>(color: [u8; N]) -> Vec<u8> {
     let texels: Vec<u8> = (0..4).flat_map(|_| color).collect();
     let kind = if N == 4 { image::ExtendedColorType::Rgba8 } else { image::ExtendedColorType::Rgb8 };
@@ -133,7 +133,7 @@ fn png<const N: usize>(color: [u8; N]) -> Vec<u8> {
     bytes.into_inner()
 }
 
-/// The triangle in a cube of six colours: red at +x, cyan at -x, and so on.
+/// The triangle inside a cube map of six colours: red at +x, cyan at -x, and so on.
 fn surrounded(change: impl FnOnce(&mut Value)) -> Result<Loaded, oscura::error::Error> {
     let colors = [[255, 0, 0], [0, 255, 255], [0, 255, 0], [255, 0, 255], [0, 0, 255], [255, 255, 0]];
     let pictures: Vec<Vec<u8>> = colors.map(png).to_vec();
@@ -156,7 +156,7 @@ fn surrounded(change: impl FnOnce(&mut Value)) -> Result<Loaded, oscura::error::
     load_with(&asset, &files)
 }
 
-/// What is seen in a direction.
+/// The radiance of the environment in a direction.
 fn seen(loaded: &Loaded, direction: [f64; 3]) -> Vec3 {
     let Environment::Image { image, strength, rotation_rad } = loaded.scene.environment else {
         panic!("none")
@@ -171,7 +171,7 @@ fn seen(loaded: &Loaded, direction: [f64; 3]) -> Vec3 {
 }
 
 #[test]
-fn six_pictures_are_the_environment() {
+fn cube_maps_become_the_environment() {
     let loaded = surrounded(|_| ()).expect("it loads");
     let of = |direction| seen(&loaded, direction);
     for (direction, color) in [
@@ -186,7 +186,7 @@ fn six_pictures_are_the_environment() {
     }
     assert!(loaded.warnings.iter().all(|w| w.file.is_none()), "{:?}", loaded.warnings);
     assert!(loaded.left_out.iter().any(|l| l.contains("1 of 7")), "{:?}", loaded.left_out);
-    // A right angle about y takes what was at +z to +x.
+    // A right angle about y rotates +z to +x.
     let turned = surrounded(|a| {
         let light = &mut a["extensions"]["EXT_lights_image_based"]["lights"][0];
         light["rotation"] = json!([0, FRAC_1_SQRT_2, 0, FRAC_1_SQRT_2]);
@@ -194,9 +194,9 @@ fn six_pictures_are_the_environment() {
     assert_eq!(seen(&turned.expect("it loads"), [1.0, 0.1, 0.2]), Vec3::new(0.0, 0.0, 2.0));
 }
 
-/// Turned and brightened by an animation; what a moment changed is put back.
+/// Rotated and scaled by an animation; each frame starts from the original.
 #[test]
-fn surroundings_are_driven_by_pointers() {
+fn environment_is_animated_by_pointers() {
     let numbers = [0.0f32, 2.0, 1.0, 3.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0];
     let bytes: Vec<u8> =
         triangle_bytes().into_iter().chain(numbers.iter().flat_map(|x| x.to_le_bytes())).collect();
@@ -219,7 +219,7 @@ fn surroundings_are_driven_by_pointers() {
             a["accessors"].as_array_mut().expect("a list").push(accessor);
         }
         let light = "/extensions/EXT_lights_image_based/lights/0";
-        let channel = |sampler: usize, key: &str| json!({"sampler": sampler, "target": super::motion::pointer_target(&format!("{light}/{key}"))});
+        let channel = |sampler: usize, key: &str| json!({"sampler": sampler, "target": super::animation::pointer_target(&format!("{light}/{key}"))});
         a["animations"] = json!([{
             "samplers": [{"input": 2, "output": 3}, {"input": 2, "output": 4}],
             "channels": [channel(0, "intensity"), channel(1, "rotation")]
@@ -238,13 +238,13 @@ fn surroundings_are_driven_by_pointers() {
         Ok(std::ops::ControlFlow::Continue(()))
     })
     .unwrap_or_else(|e| panic!("{e}"));
-    // Three times as bright, and a right angle about y takes what was at +z to +x.
+    // Three times as bright, and a right angle about y rotates +z to +x.
     assert_eq!(blues, [[1.0, 0.0], [0.0, 3.0], [1.0, 0.0]]);
 }
 
 /// PNGs with alpha are RGBD: white over 51 / 255.
 #[test]
-fn bright_pictures() {
+fn rgbd_environments() {
     let bright = surrounded(|a| {
         let light = &mut a["extensions"]["EXT_lights_image_based"]["lights"][0];
         light["specularImages"] = json!([[6, 6, 6, 6, 6, 6], [0, 0, 0, 0, 0, 0]]);
@@ -254,7 +254,7 @@ fn bright_pictures() {
 }
 
 #[test]
-fn broken_pictures_of_surroundings() {
+fn damaged_environment_images() {
     let refused = |key: &str, value: Value| {
         let change = |a: &mut Value| a["extensions"]["EXT_lights_image_based"]["lights"][0][key] = value;
         surrounded(change).map(|_| ()).expect_err("it must not load").to_string()
@@ -275,7 +275,7 @@ fn broken_pictures_of_surroundings() {
     }
     let lost = surrounded(|a| a["scenes"][0]["extensions"]["EXT_lights_image_based"]["light"] = json!(3));
     assert!(lost.expect_err("it must not load").to_string().contains("/3"));
-    // A light that no scene has is not read.
+    // Unreferenced lights are not read.
     let unused = surrounded(|a| {
         a["extensions"]["EXT_lights_image_based"]["lights"][0]["specularImages"] = json!(7);
         a["scenes"][0].as_object_mut().expect("an object").remove("extensions");

@@ -64,7 +64,7 @@ fn factors_and_extensions() {
 }
 
 #[test]
-fn a_volume_has_a_thickness_and_is_clear_by_default() {
+fn volume_defaults() {
     let m = material(json!({"extensions": {"KHR_materials_volume": {"thicknessFactor": 1e-3}}}));
     assert!(pbr(&m).has_volume && pbr(&m).attenuation_distance == f32::INFINITY);
     for thin in ["KHR_materials_transmission", "KHR_materials_volume"] {
@@ -73,7 +73,7 @@ fn a_volume_has_a_thickness_and_is_clear_by_default() {
 }
 
 #[test]
-fn unlit_shines_and_out_of_range_is_clamped() {
+fn unlit_is_emissive_and_factors_are_clamped() {
     let loaded = load_material(json!({
         "pbrMetallicRoughness": {"baseColorFactor": [0.5, 2, -1, 1]},
         "extensions": {"KHR_materials_unlit": {}}
@@ -115,7 +115,7 @@ fn textures_of_each_slot() {
     assert_eq!(m.alpha.texture, Some((base, 3)));
     assert_eq!((p.metallic.texture.expect("blue").1, p.roughness.texture.expect("green").1), (2, 1));
     assert_eq!(p.metallic.texture.map(|t| t.0), p.roughness.texture.map(|t| t.0));
-    // Decoded once, understood in two ways; the pixels are shared.
+    // Decoded once, used as colour and as data; the pixels are shared.
     assert_eq!(scene.images.len(), 2);
     assert!(std::sync::Arc::ptr_eq(&scene.images[0].pixels, &scene.images[1].pixels));
     let encoding = |id: oscura::scene::TextureId| match scene.textures[id.index()] {
@@ -149,7 +149,7 @@ fn missing_texture_coordinates_are_named() {
 }
 
 #[test]
-fn missing_and_broken_images_are_lost_by_name() {
+fn missing_and_damaged_images_are_reported_by_name() {
     let loaded = load_triangle(&textured()).unwrap_or_else(|e| panic!("{e}"));
     assert!(loaded.scene.textures.is_empty() && loaded.scene.images.is_empty());
     assert!(loaded.warnings.iter().any(|w| w.place == "/images/0" && w.message.contains("red.png")));
@@ -161,8 +161,8 @@ fn missing_and_broken_images_are_lost_by_name() {
 }
 
 #[test]
-fn only_what_is_seen_is_read() {
-    // All but image 0 do not exist or are no images, and so are the second buffer and mesh.
+fn only_referenced_data_is_read() {
+    // All but image 0 are missing or invalid, and so are the second buffer and mesh.
     let asset = triangle_with(|a| {
         a["materials"] = json!([
             {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}},
@@ -186,7 +186,7 @@ fn only_what_is_seen_is_read() {
 }
 
 #[test]
-fn extensions_that_are_not_read_are_named() {
+fn unknown_extensions_are_reported() {
     let asset = triangle_with(|a| {
         a["extensionsUsed"] = json!(["ACME_a", "ACME_b"]);
         a["extensionsRequired"] = json!(["KHR_lights_punctual", "ACME_a"]);
@@ -204,9 +204,9 @@ fn extensions_that_are_not_read_are_named() {
     assert!(unread[0].message.contains("ACME_b") && unread[0].message.contains('2'), "{unread:?}");
 }
 
-/// Interaction is no matter of pictures; what is lost otherwise is reported.
+/// Extensions for interaction don't affect rendering; other losses are reported.
 #[test]
-fn extensions_that_are_known_and_not_read() {
+fn known_unsupported_extensions() {
     let asset = triangle_with(|a| {
         a["extensionsRequired"] = json!(["KHR_interactivity", "KHR_node_selectability"]);
         a["extensions"] = json!({"KHR_interactivity": {"graphs": []}});
@@ -223,9 +223,9 @@ fn extensions_that_are_known_and_not_read() {
     assert!(!has("interactivity") && !has("ability"), "{messages:?}");
 }
 
-/// A draft: read with a warning by name. What the volume would absorb is scattered as far as the colour says.
+/// A draft extension: read, with a warning. The colour gives the fraction of extinction that is scattering.
 #[test]
-fn volumes_that_scatter() {
+fn volume_scattering() {
     let json = |thickness: f32| {
         json!({
             "extensions": {
@@ -252,9 +252,9 @@ fn volumes_that_scatter() {
     assert!(flat.scene.materials[0].medium.is_none() && reported(&flat, "scatters nothing"));
 }
 
-/// The draft that replaces it: in solids the strength is a factor on the colour, in sheets the share that is scattered.
+/// The draft that replaces it: in solids the strength scales the colour, in thin sheets it is the fraction scattered.
 #[test]
-fn materials_that_scatter() {
+fn material_scattering() {
     let json = |transmission: f32, strength: f32, anisotropy: f32, volume: Option<f32>| {
         let mut json = json!({
             "pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0},
@@ -278,14 +278,14 @@ fn materials_that_scatter() {
     let color = medium.color();
     assert!((color[0] - 0.45).abs() < 1e-3 && (color[2] - 0.15).abs() < 1e-3, "{color:?}");
     assert!((medium.extinction[0] - 2.0f32.ln()).abs() < 1e-5 && medium.anisotropy == 0.25);
-    // All that is transmitted is scattered, half of it back.
+    // All transmitted light is scattered, half of it backwards.
     let paper = json(1.0, 1.0, 0.0, None);
     let model = pbr(&paper.scene.materials[0]);
     let through = model.diffuse_transmission.expect("transmitted");
     assert_eq!((model.transmission.factor, model.has_volume, through.factor.factor), (0.0, false, 0.5));
     assert_eq!((model.base_color.factor, through.color.factor), ([0.9, 0.5, 0.3], [0.9, 0.5, 0.3]));
     assert!(!reported(&paper, "mixed"));
-    // A quarter goes on as it came, a quarter is scattered to the other side; of what comes back, half is the base's.
+    // A quarter is transmitted unscattered, a quarter scattered forwards; of the backscatter, half is the base's.
     let mixed = json(0.5, 0.5, 1.0, Some(0.0));
     let model = pbr(&mixed.scene.materials[0]);
     assert_eq!(model.transmission.factor, 0.25);

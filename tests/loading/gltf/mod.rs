@@ -1,20 +1,20 @@
-//! glTF files: collections of real, valid and damaged files, and small cases of the format's corners.
+//! glTF: collections of real, valid and damaged files, and small cases of the format's corner cases.
 
+mod animation;
+mod animation_pointer;
 pub mod asset;
-mod choices;
+mod blender_exports;
 mod collections;
+mod compressed_geometry;
 mod damage;
 mod decoders;
-mod exported;
-mod faults;
 mod geometry;
 mod images;
 mod layers;
 mod lights;
+mod load_options;
 mod materials;
-mod motion;
 mod nodes;
-mod packed;
-mod pointers;
+mod repairs;
 mod splats;
 mod uv_sets;

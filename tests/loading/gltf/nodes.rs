@@ -7,7 +7,7 @@ use serde_json::json;
 
 #[test]
 fn transforms_keep_full_precision() {
-    // Neither number is an f32, and the product of the matrices is not either.
+    // Neither number is an f32, nor is the product of the matrices.
     let asset = triangle_with(|a| {
         a["nodes"] = json!([
             {"translation": [1000000.0000001, 0.1, 0], "children": [1]},
@@ -20,7 +20,7 @@ fn transforms_keep_full_precision() {
 }
 
 #[test]
-fn rotation_scale_and_parents_compose() {
+fn transforms_compose_with_parents() {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let asset = triangle_with(|a| {
         a["nodes"] = json!([
@@ -35,7 +35,7 @@ fn rotation_scale_and_parents_compose() {
 }
 
 #[test]
-fn a_hundred_thousand_generations() {
+fn hierarchy_of_a_hundred_thousand_levels() {
     let count = 100_000;
     let asset = triangle_with(|a| {
         let node = |i: usize| if i + 1 < count { json!({"children": [i + 1]}) } else { json!({"mesh": 0}) };
@@ -58,7 +58,7 @@ fn cycles_and_shared_children_are_refused() {
 }
 
 #[test]
-fn which_scene_is_shown() {
+fn selected_scene() {
     let nodes = json!([{"name": "a", "mesh": 0}, {"name": "b", "mesh": 0}, {"name": "c", "children": [1]}]);
     let shown = |change: fn(&mut serde_json::Value)| {
         let asset = triangle_with(|a| {
@@ -80,7 +80,7 @@ fn which_scene_is_shown() {
 }
 
 #[test]
-fn settings_of_the_scene() {
+fn scene_settings() {
     let asset =
         triangle_with(|a| a["scenes"][0]["extras"] = json!({"width": 640, "height": -1, "bounces": 7}));
     let loaded = load_triangle(&asset).expect("it loads");
@@ -90,7 +90,7 @@ fn settings_of_the_scene() {
 }
 
 #[test]
-fn cameras_lose_their_scale() {
+fn camera_scale_is_ignored() {
     let asset = triangle_with(|a| {
         a["nodes"] = json!([{"mesh": 0, "camera": 0, "scale": [2, 3, -4], "children": [1]}, {"camera": 1}]);
         a["cameras"] = json!([
@@ -101,7 +101,7 @@ fn cameras_lose_their_scale() {
     let cameras = scene(&asset, &triangle_bytes()).cameras;
     let rotation = cameras[0].world_from_camera.matrix3;
     assert!((rotation.determinant() - 1.0).abs() < 1e-14);
-    // It still looks to where its -z axis pointed.
+    // It still looks along its -z axis.
     assert_eq!(rotation.z_axis, DVec3::NEG_Z);
     assert_eq!(cameras[0].projection, Projection::Perspective { vfov_rad: 0.7 });
     assert_eq!(cameras[0].aspect_ratio, Some(1.5));
@@ -110,7 +110,7 @@ fn cameras_lose_their_scale() {
 }
 
 #[test]
-fn lights_come_in_watts() {
+fn light_units_are_converted_to_watts() {
     let light = |index: usize| json!({"KHR_lights_punctual": {"light": index}});
     let asset = triangle_with(|a| {
         a["extensionsRequired"] = json!(["KHR_lights_punctual"]);
@@ -140,7 +140,7 @@ fn lights_come_in_watts() {
 }
 
 #[test]
-fn what_is_flat_or_invisible_is_left_out() {
+fn flat_and_invisible_nodes_are_culled() {
     let flat = triangle_with(|a| a["nodes"][0]["scale"] = json!([1, 0, 1]));
     let loaded = load_triangle(&flat).expect("it loads");
     assert!(loaded.scene.instances.is_empty());

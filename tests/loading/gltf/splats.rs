@@ -7,7 +7,8 @@ use oscura::scene::Splats;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 
-/// Two splats with harmonics of a degree, a mesh of points, turned half about z; `change` may damage the asset.
+/// Two splats with spherical harmonics of a degree, a mesh of points, rotated by half a turn about z; `change` may damage the
+/// asset.
 fn asset(degree: usize, change: impl FnOnce(&mut Value)) -> (Value, Vec<u8>) {
     let mut lists: Vec<(String, &str, Vec<f32>)> = vec![
         ("POSITION".into(), "VEC3", vec![1.0, 2.0, 3.0, -1.0, 0.0, 0.5]),
@@ -55,7 +56,7 @@ fn own(name: &str) -> String {
 }
 
 #[test]
-fn splats_of_points_are_read() {
+fn splats_load_from_points() {
     for degree in 0..=3 {
         let (asset, bytes) = asset(degree, |_| ());
         let loaded = load_with(&asset, &[("a.bin", &bytes)]).expect("it loads");
@@ -75,7 +76,7 @@ fn splats_of_points_are_read() {
 }
 
 #[test]
-fn kinds_and_faults_of_splats_are_reported() {
+fn kernels_and_errors_of_splats_are_reported() {
     let messages = |change: &dyn Fn(&mut Value)| {
         let (asset, bytes) = asset(1, change);
         let loaded = load_with(&asset, &[("a.bin", &bytes)]).expect("it loads");
@@ -101,7 +102,7 @@ fn kinds_and_faults_of_splats_are_reported() {
         attributes.remove("KHR_gaussian_splatting:OPACITY");
     });
     assert!(words.contains("OPACITY") && scene.meshes.is_empty(), "{words}");
-    // Half of a degree counts as none of it.
+    // An incomplete degree is dropped.
     let (_, scene) = messages(&|a| {
         let attributes = a["meshes"][0]["primitives"][0]["attributes"].as_object_mut().expect("attributes");
         attributes.remove("KHR_gaussian_splatting:SH_DEGREE_1_COEF_2");
@@ -119,7 +120,7 @@ fn spz(version: u8) -> Vec<u8> {
     bytes.extend([204, 255]);
     bytes.extend([255, 0, 128, 0, 255, 128]);
     bytes.extend([160, 144, 128, 160, 144, 128]);
-    // No turn: 3 bytes of x, y and z, or the place of the largest number and three of 0.
+    // Identity rotation: 3 bytes of x, y and z, or the index of the largest component and three zeros.
     let turn: &[u8] = if version == 2 { &[127, 128, 128] } else { &[0, 0, 0, 192] };
     bytes.extend([turn, turn].concat());
     bytes.extend([128, 0, 255, 192, 128, 64, 128, 128, 128]);
@@ -128,7 +129,7 @@ fn spz(version: u8) -> Vec<u8> {
     encoder.write_all(&bytes).and_then(|()| encoder.finish()).expect("packed")
 }
 
-/// Points whose numbers are SPZ in the first view of the buffer, by extensions of the primitive.
+/// Points whose data is SPZ in the first buffer view, by extensions of the primitive.
 fn packed(spz: &[u8], extensions: &Value) -> Value {
     let kinds = [("POSITION".to_string(), "VEC3"), (own("ROTATION"), "VEC4"), (own("SCALE"), "VEC3")];
     let accessors: Vec<Value> =
@@ -159,7 +160,7 @@ fn splats_are_unpacked_from_spz() {
         let bytes = spz(version);
         let loaded = load_with(&packed(&bytes, extensions), &[("a.bin", &bytes)]);
         let loaded = loaded.unwrap_or_else(|e| panic!("{extensions}: {e}"));
-        // The stage has its own words, on which splats it frames.
+        // The stage has its own messages, depending on the splats it frames.
         let of_file = |w: &&oscura::error::Warning| !w.place.is_empty();
         assert_eq!(loaded.warnings.iter().find(of_file).map(ToString::to_string), None, "{extensions}");
         let mesh = &loaded.scene.meshes[0];
@@ -173,7 +174,7 @@ fn splats_are_unpacked_from_spz() {
 }
 
 #[test]
-fn damaged_spz_is_a_problem_with_its_place() {
+fn damaged_spz_is_reported_with_its_location() {
     let whole = spz(3);
     let extensions = &json!({"KHR_gaussian_splatting": {"extensions":
         {"KHR_gaussian_splatting_compression_spz_2": {"bufferView": 0}}}});

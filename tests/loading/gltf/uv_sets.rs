@@ -1,4 +1,4 @@
-//! Sets of texture coordinates beyond the first.
+//! Texture coordinate sets beyond the first.
 
 use super::asset::{floats, load_with, triangle_with};
 use super::materials::RED;
@@ -6,8 +6,8 @@ use oscura::load::Loaded;
 use oscura::scene::{Mapping, Texture};
 use serde_json::{Value, json};
 
-/// A triangle with TEXCOORD_0 to TEXCOORD_3, each of which holds its own number, and two materials; `materials` gives
-/// the sets of the base colour and of the emission of each, and of the normal map of the first.
+/// A triangle with TEXCOORD_0 to TEXCOORD_3, each of which contains its own index, and two materials; `materials` gives the sets
+/// of the base colour and of the emission of each, and of the normal map of the first.
 fn load(materials: [[u32; 2]; 2], normal: u32) -> Loaded {
     let sets: Vec<f32> = (0..4).flat_map(|set| [set as f32; 6]).collect();
     let bytes = [floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]), floats(&sets)].concat();
@@ -39,7 +39,7 @@ fn load(materials: [[u32; 2]; 2], normal: u32) -> Loaded {
     load_with(&asset, &[("a.bin", &bytes), ("red.png", RED)]).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The set of the file that a texture of a part of the mesh sees, told by its coordinates.
+/// The set of the file that a texture of a mesh part uses, identified by its coordinates.
 fn seen(loaded: &Loaded, part: usize, texture: oscura::scene::TextureId) -> f32 {
     let mesh = &loaded.scene.meshes[0];
     let Texture::Image { mapping: Mapping::Uv { set, .. }, .. } = &loaded.scene.textures[texture.index()]
@@ -50,7 +50,7 @@ fn seen(loaded: &Loaded, part: usize, texture: oscura::scene::TextureId) -> f32 
     mesh.uv_sets[*set as usize][corner as usize][0]
 }
 
-/// The sets that base colour and emission of a material see.
+/// The sets that base colour and emission of a material use.
 fn sets(loaded: &Loaded, material: usize) -> [f32; 2] {
     let m = &loaded.scene.materials[material];
     let oscura::scene::Model::Pbr(p) = &m.model else { panic!("{m:?}") };
@@ -58,13 +58,13 @@ fn sets(loaded: &Loaded, material: usize) -> [f32; 2] {
     [p.base_color.texture, emission].map(|t| seen(loaded, material, t.expect("a texture")))
 }
 
-/// What is reported about the file, besides the scene's lack of a camera.
+/// Messages about the file, without that about the missing camera.
 fn messages(loaded: &Loaded) -> Vec<String> {
     loaded.warnings.iter().filter(|w| w.file.is_some()).map(ToString::to_string).collect()
 }
 
 #[test]
-fn materials_see_the_sets_that_they_name() {
+fn materials_use_the_sets_that_they_name() {
     for (first, second) in [([2, 3], [0, 1]), ([0, 3], [3, 0]), ([1, 2], [2, 2]), ([3, 3], [1, 3])] {
         let loaded = load([first, second], first[0]);
         assert!(messages(&loaded).is_empty(), "{:?}", messages(&loaded));
@@ -76,7 +76,7 @@ fn materials_see_the_sets_that_they_name() {
 }
 
 #[test]
-fn a_third_set_in_one_material_is_left_out_with_a_warning() {
+fn third_set_of_a_material_is_dropped_with_a_warning() {
     let loaded = load([[0, 1], [0, 1]], 3);
     assert!(loaded.scene.materials[0].normal_map.is_none());
     assert_eq!(sets(&loaded, 0), [0.0, 1.0]);

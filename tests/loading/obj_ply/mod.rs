@@ -1,11 +1,11 @@
-//! OBJ and PLY files: real models, the formats' corners, and damaged files.
+//! OBJ and PLY: real models, corner cases of the formats, and damaged files.
 
 mod damage;
-mod far;
-mod faults;
+mod large_coordinates;
 mod mtl;
 mod obj;
 mod ply;
+mod repairs;
 mod splats;
 
 use crate::files::load_files;
@@ -24,7 +24,7 @@ fn load_ply(content: &[u8]) -> Result<Loaded, Error> {
     load_files(&[("a.ply", content)])
 }
 
-/// A parallelogram with colours, texture coordinates, an element and a property that nobody needs.
+/// A parallelogram with colours, texture coordinates, and an unused element and property.
 fn binary_ply(big: bool) -> Vec<u8> {
     let order = if big { "big" } else { "little" };
     let mut out = format!(
@@ -57,7 +57,7 @@ fn binary_ply(big: bool) -> Vec<u8> {
 }
 
 #[test]
-fn real_models_have_their_triangles() {
+fn triangle_counts_of_real_models() {
     let shared = std::env::var_os("OSCURA_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
     for (name, triangles) in [("stanford-bunny.obj", 69_451), ("spot.obj", 5_856), ("teapot.ply", 2_256)] {

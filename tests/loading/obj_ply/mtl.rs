@@ -1,4 +1,4 @@
-//! What MTL files may hold.
+//! MTL files.
 
 use super::load_files;
 use image::{DynamicImage, ImageFormat, Rgb, RgbImage, Rgba, RgbaImage};
@@ -7,7 +7,7 @@ use oscura::math::Vec2;
 use oscura::scene::{AlphaMode, Mapping, Material, Model, PbrMaterial, Texture, TextureId, Wrap};
 
 #[test]
-fn each_model_has_its_keys() {
+fn statements_select_the_material_model() {
     let mtl = b"newmtl a\nKd 0.1 0.2 0.3\nnewmtl b\nKd 1 1 1\nPr 0.4\nPm 1\nnewmtl c\nKe 3 2 1\nnewmtl g\nNi 1.45\nillum 7\n";
     let text = b"mtllib missing.mtl\nmtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\n\
                  f 1 2 3\nusemtl c\nf 1 2 3\nusemtl g\nf 1 2 3\n";
@@ -24,7 +24,7 @@ fn each_model_has_its_keys() {
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
 
-/// A triangle of the material `m` that the statements describe, with two images beside it.
+/// A triangle with the material `m` of these statements, and two images.
 fn with_material(statements: &str) -> Loaded {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let rgb = RgbImage::from_pixel(4, 4, Rgb([10, 200, 30]));
@@ -66,13 +66,13 @@ fn mapping(loaded: &Loaded, id: TextureId) -> (Vec2, Vec2, Wrap) {
 }
 
 #[test]
-fn maps_take_their_options_and_forgive_names_of_other_systems() {
+fn map_options_and_file_names_of_other_systems() {
     let loaded = with_material("Kd 0 0 0\nmap_Kd -s 2 3 1 -o 0.25 0.5 -clamp on maps\\Wood Grain.PNG\n");
     assert!(loaded.warnings.iter().all(|w| w.file.is_none()), "{:?}", loaded.warnings);
     let Model::Lambert { albedo } = material(&loaded).model else { panic!("not Lambertian") };
     assert_eq!(albedo.factor, [1.0; 3]);
     let (scale, offset, wrap) = mapping(&loaded, albedo.texture.expect("a map"));
-    // v turned: 1 - (v s + o) with v = 1 - v'.
+    // v flipped: 1 - (v s + o) with v = 1 - v'.
     assert_eq!((scale, offset, wrap), (Vec2::new(2.0, 3.0), Vec2::new(0.25, 1.0 - 3.0 - 0.5), Wrap::Clamp));
 }
 
@@ -99,7 +99,7 @@ fn classic_highlights() {
     assert_eq!((p.specular_color.factor, p.ior), ([1.0, 0.5, 0.5], 1.5));
     // alpha^2 = 2 / (30 + 2), roughness its fourth root.
     assert!((p.roughness.factor - 0.0625f32.powf(0.25)).abs() < 1e-6);
-    // The file says that the highlight is off.
+    // The file disables the highlight.
     let loaded = with_material("Kd 0.5 0.5 0.5\nKs 0.5 0.25 0.25\nillum 1\n");
     assert!(matches!(material(&loaded).model, Model::Lambert { .. }));
     let loaded = with_material("Kd 0 0 0\nKs 0.9 0.8 0.7\nNs 1000\nillum 3\n");
@@ -113,7 +113,7 @@ fn classic_highlights() {
 }
 
 #[test]
-fn opacity_by_number_and_by_map() {
+fn opacity_as_number_and_map() {
     for (statements, opacity) in [("d 0.25\n", 0.25), ("Tr 0.75\n", 0.25), ("d 0.5\nTr 0.9\n", 0.5)] {
         let loaded = with_material(statements);
         assert_eq!(
@@ -131,13 +131,13 @@ fn opacity_by_number_and_by_map() {
 }
 
 #[test]
-fn bumps_are_heights_or_normals() {
-    // The image holds normals, whatever the statement says.
+fn bump_maps_are_heights_or_normals() {
+    // The image is a normal map, whatever the statement says.
     let loaded = with_material("map_Bump -bm 0.5 maps/alpha.png\n");
     assert_eq!((material(&loaded).normal_map.expect("a map").scale, loaded.scene.images.len()), (0.5, 1));
     let loaded = with_material("norm maps/alpha.png\n");
     assert_eq!(material(&loaded).normal_map.expect("a map").scale, 1.0);
-    // Heights become a second image, of normals.
+    // Heights are converted to a normal map.
     let loaded = with_material("bump maps/wood grain.png\n");
     assert!(material(&loaded).normal_map.is_some());
     assert_eq!(loaded.scene.images.len(), 2);
@@ -154,7 +154,7 @@ fn emission_and_its_map() {
 }
 
 #[test]
-fn several_libraries_of_which_one_is_missing_and_one_has_blanks() {
+fn several_libraries_with_a_missing_one_and_spaces() {
     let obj = format!(
         "mtllib none.mtl\nmtllib my colours.mtl\nmtllib sub\\b.mtl none2.mtl\nusemtl red\n{TRIANGLE}usemtl blue\nf 1 2 3\n"
     );
@@ -175,7 +175,7 @@ fn several_libraries_of_which_one_is_missing_and_one_has_blanks() {
 }
 
 #[test]
-fn the_same_image_is_decoded_once_and_a_missing_one_is_a_warning_with_its_line() {
+fn images_are_decoded_once_and_missing_ones_reported() {
     let loaded = with_material("map_Kd maps/alpha.png\nmap_Ke maps/ALPHA.png\nmap_d none.png\n");
     assert_eq!(loaded.scene.images.len(), 1);
     let missing = loaded.warnings.iter().find(|w| w.message.contains("none.png")).expect("a warning");
@@ -184,7 +184,7 @@ fn the_same_image_is_decoded_once_and_a_missing_one_is_a_warning_with_its_line()
 
 /// Green is 200 of 255, red 10: that much of 0.5 along the normal.
 #[test]
-fn displacement_of_a_known_height_moves_the_mesh() {
+fn displacement_maps_move_vertices() {
     let placed = |statements: &str| {
         let loaded = with_material(statements);
         let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
@@ -200,7 +200,7 @@ fn displacement_of_a_known_height_moves_the_mesh() {
 }
 
 #[test]
-fn what_is_made_invisible_and_textures_without_places_are_warned_of() {
+fn invisible_materials_and_missing_texture_coordinates_are_reported() {
     for (statements, expected) in
         [("d 0", "'d 0' makes it invisible"), ("Tr 1", "'Tr' of 1 materials is taken as their opacity")]
     {

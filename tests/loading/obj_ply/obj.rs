@@ -1,4 +1,4 @@
-//! What OBJ files may hold.
+//! OBJ files.
 
 use super::{load_files, obj_scene};
 use crate::codes::code_of;
@@ -11,7 +11,7 @@ fn corners() {
     let scene = obj_scene("\u{feff}v 0 0 0\nv 1 0 \\\n0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1\n");
     assert_eq!(scene.meshes[0].triangles.len(), 2);
     assert!(scene.meshes[0].normals.is_empty());
-    // v grows downwards here, upwards in the file.
+    // v points down here, up in the file.
     let scene =
         obj_scene("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 0.75\nvn 0 0 2\nf 1/1/1 2/2/1 3/3/1\n");
     assert_eq!(scene.meshes[0].uv_sets[0][2], [0.0, 0.25]);
@@ -31,20 +31,20 @@ fn errors_name_the_line() {
 }
 
 #[test]
-fn utf_16_is_called_by_its_name() {
+fn utf_16_is_reported() {
     for mark in [[0xff, 0xfe], [0xfe, 0xff]] {
         let text = [&mark[..], b"v\0 \0"].concat();
         let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read");
         assert_eq!(code_of(&error), "utf-16");
     }
-    // Without a mark there is a zero beside each letter.
+    // Without a byte order mark there is a zero next to each letter.
     let text = "# a triangle\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
     for bytes in [u16::to_le_bytes, u16::to_be_bytes] {
         let text: Vec<u8> = text.encode_utf16().flat_map(bytes).collect();
         let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read").to_string();
         assert!(error.contains("UTF-16") && !error.contains('\0'), "{error}");
     }
-    // So it is for its materials, and for other files of text.
+    // Also for material libraries, and for other text files.
     let encoded = |text: &str| {
         [&[0xff, 0xfe], &text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<_>>()[..]].concat()
     };
@@ -86,8 +86,8 @@ fn area(mesh: &Mesh) -> f32 {
 }
 
 #[test]
-fn concave_polygons_keep_their_outline() {
-    // An arrow whose third corner is reflex: a fan from the first corner would reach outside.
+fn concave_polygons_are_triangulated_correctly() {
+    // An arrow whose third vertex is reflex: a fan from the first vertex would leave the outline.
     let scene = obj_scene("v 2 2 0\nv 0 1 0\nv -2 2 0\nv 0 0 0\nf 4 1 2 3\n");
     let mesh = &scene.meshes[0];
     assert!((area(mesh) - 2.0).abs() < 1e-6);
@@ -116,7 +116,7 @@ fn line_ends_comments_and_encodings_of_other_systems() {
 const ROOF: &str = "v 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 0 -1\nv 1 0 -1\n";
 
 #[test]
-fn smoothing_groups_shade_across_edges_and_objects() {
+fn smoothing_groups_cross_edges_and_objects() {
     let (left, right) = ("f 1 3 4 2\n", "f 1 2 6 5\n");
     let normal_at = |scene: &Scene, mesh: usize, position: [f32; 3]| -> Vec<Vec3> {
         let mesh = &scene.meshes[mesh];
@@ -125,21 +125,21 @@ fn smoothing_groups_shade_across_edges_and_objects() {
     };
     let (ridge, foot) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
     let slope = Vec3::new(0.0, 1.0, 1.0).normalize();
-    // One group, also where it spans two objects.
+    // One group, also across two objects.
     for between in ["", "o other\n", "g roof\nusemtl a\n"] {
         let scene = obj_scene(format!("{ROOF}s 1\n{left}{between}{right}"));
         let normals = normal_at(&scene, 0, ridge);
         assert!(normals.len() == 1 && normals[0].distance(Vec3::Y) < 1e-6, "{normals:?}");
         assert!(normal_at(&scene, 0, foot)[0].distance(slope) < 1e-6);
     }
-    // Two groups: the ridge is an edge, and has two normals.
+    // Two groups: the ridge is a crease with two normals.
     let scene = obj_scene(format!("{ROOF}s 1\n{left}s 2\n{right}"));
     let normals = normal_at(&scene, 0, ridge);
     assert_eq!(normals.len(), 2);
     assert!(normals.iter().all(|n| n.distance(Vec3::Y) > 0.5));
-    // Off: flat, without any normals.
+    // Off: flat, without normals.
     assert!(obj_scene(format!("{ROOF}s off\n{left}s 0\n{right}")).meshes[0].normals.is_empty());
-    // A flat face beside a smooth one has corners of its own.
+    // A flat face next to a smooth one has its own vertices.
     let scene = obj_scene(format!("{ROOF}s 1\n{left}s off\n{right}"));
     let normals = normal_at(&scene, 0, ridge);
     assert!(normals.iter().all(|n| (n.y - slope.y).abs() < 1e-6), "{normals:?}");
@@ -147,7 +147,7 @@ fn smoothing_groups_shade_across_edges_and_objects() {
 }
 
 #[test]
-fn normals_of_the_file_precede_smoothing_groups() {
+fn file_normals_override_smoothing_groups() {
     let scene = obj_scene(format!("{ROOF}vn 1 0 0\ns 1\nf 1//1 3//1 4//-1\nf 1 2 6\n"));
     let mesh = &scene.meshes[0];
     let given = mesh.normals.iter().filter(|n| **n == [1.0, 0.0, 0.0]).count();
@@ -156,7 +156,7 @@ fn normals_of_the_file_precede_smoothing_groups() {
 }
 
 #[test]
-fn objects_and_groups_become_instances_and_materials_parts() {
+fn objects_become_instances_and_materials_parts() {
     let points = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
     let face = "f 1 2 3\n";
     let text = format!(
@@ -175,7 +175,7 @@ fn objects_and_groups_become_instances_and_materials_parts() {
 }
 
 #[test]
-fn what_is_left_out_is_counted_with_its_place() {
+fn ignored_statements_are_counted_with_their_location() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 nan 0\nl 1 2\np 1\nf 1 2\nf 1 2 2\nf 1/7 2/7 3/7\nf 1//1 2 3\nf 1 2 4\n\
                 curv 0 1 1 2\nxyz 1\n";
     let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
@@ -196,9 +196,9 @@ fn what_is_left_out_is_counted_with_its_place() {
     assert!(code_of(&error) == "no-surface", "{error}");
 }
 
-/// What `tobj` divides by, takes from another corner, or keeps for the whole object.
+/// Where `tobj` divides by zero, uses another vertex, or applies a value to the whole object.
 #[test]
-fn what_tobj_would_misread_is_read_as_the_format_means_it() {
+fn cases_that_tobj_misreads() {
     let points = "v 0 0 0 2\nv 4 0 0 2\nv 0 4 0 2\nv 4 4 0 2\nvt 0.5 0.5\nvt 1\nvn 0 0 1\nvn 0 0 -1\n";
     let mesh =
         &obj_scene(format!("{points}f 1/1/1 2/2/1 3/1/1\nf 2//2 4//2 3//2\nf 2/1 4/1 3/1\n")).meshes[0];
@@ -207,7 +207,7 @@ fn what_tobj_would_misread_is_read_as_the_format_means_it() {
     let (uv, normal) = (|t, k| mesh.uv_sets[0][corner(t, k)], |t, k| mesh.normals[corner(t, k)][2]);
     assert_eq!((uv(0, 0), uv(0, 1), uv(1, 0), uv(2, 0)), ([0.5; 2], [1.0, 1.0], [0.0, 1.0], [0.5; 2]));
     assert_eq!((normal(0, 0), normal(1, 0), normal(2, 0)), (1.0, -1.0, 1.0));
-    // Corners of one face that refer to different things are against the format.
+    // Corners of one face with different kinds of references violate the format.
     let text = format!("{points}f 1/1/1 2//1 3/1/1\n");
     let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
     let messages: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
@@ -227,9 +227,9 @@ fn what_tobj_would_misread_is_read_as_the_format_means_it() {
     }
 }
 
-/// More faces than `tobj` is given at a time, which begin anew in the middle of a material and of a smoothing group.
+/// More faces than passed to `tobj` at a time; chunks start in the middle of a material and of a smoothing group.
 #[test]
-fn many_faces_are_one_mesh() {
+fn many_faces_give_one_mesh() {
     use std::fmt::Write;
     let rows = 200;
     let mut text = String::from("s 1\nusemtl a\n");
@@ -249,7 +249,7 @@ fn many_faces_are_one_mesh() {
 }
 
 #[test]
-fn colours_of_some_vertices_leave_the_others_white() {
+fn missing_vertex_colours_are_white() {
     let scene = obj_scene("v 0 0 0\nv 1 0 0 0 0 0\nv 0 1 0\nv 1 1 0 1.0\nf 1 2 3\nf 2 4 3\n");
     let mesh = &scene.meshes[0];
     let color = |p: [f32; 3]| mesh.colors[mesh.positions.iter().position(|q| *q == p).expect("it is there")];
@@ -257,7 +257,7 @@ fn colours_of_some_vertices_leave_the_others_white() {
     assert_eq!((color([0.0, 0.0, 0.0]), color([1.0, 1.0, 0.0])), ([1.0; 4], [1.0; 4]));
 }
 
-/// Indices count through the whole file, and nothing says that a vertex must precede the faces that use it.
+/// Indices count through the whole file, and vertices may follow the faces that use them.
 #[test]
 fn faces_may_precede_their_vertices() {
     let vertices = "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvn 0 0 1\n";
@@ -265,7 +265,7 @@ fn faces_may_precede_their_vertices() {
     let (usual, turned) = (obj_scene(format!("{vertices}{faces}")), obj_scene(format!("{faces}{vertices}")));
     let all = |s: &Scene| format!("{:?} {:?}", s.meshes, s.materials);
     assert_eq!(all(&turned), all(&usual));
-    // Negative indices count back from their line: the second face takes the corners that stand before it.
+    // Negative indices are relative to their line: the second face uses the vertices before it.
     let mixed = obj_scene("f 4 5 6\nv 9 0 0\nv 8 0 0\nv 9 1 0\nf -3 -2 -1\nv 0 0 0\nv 1 0 0\nv 0 1 0\n");
     let mesh = &mixed.meshes[0];
     let corners: Vec<f32> =

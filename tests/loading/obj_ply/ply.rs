@@ -1,4 +1,4 @@
-//! What PLY files may hold.
+//! PLY files.
 
 use super::{binary_ply, load_ply};
 use crate::files::load_files_by;
@@ -6,7 +6,7 @@ use oscura::load::subdivide::Subdivision;
 use oscura::load::{LoadOptions, Loaded};
 
 #[test]
-fn ply_reads_both_byte_orders_alike_and_refuses_every_truncation() {
+fn ply_byte_orders_and_truncation() {
     for big in [false, true] {
         let whole = binary_ply(big);
         let scene = load_ply(&whole).unwrap_or_else(|e| panic!("{e}")).scene;
@@ -44,7 +44,7 @@ fn ply_ascii_strips_and_errors() {
 }
 
 #[test]
-fn what_is_left_out_of_ply_is_reported() {
+fn ignored_ply_contents_are_reported() {
     let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                 property float nx\nproperty uchar red\nproperty uchar green\nproperty float s\n\
                 element face 3\nproperty list uchar int vertex_indices\nelement edge 2\nproperty int vertex1\n\
@@ -60,7 +60,7 @@ fn what_is_left_out_of_ply_is_reported() {
 }
 
 #[test]
-fn ply_names_types_and_strange_text() {
+fn ply_type_names_and_unusual_text() {
     let head = "ply\rformat ascii 1.0\rcomment caf\u{e9}\r";
     let latin1 = |text: String| -> Vec<u8> { text.chars().map(|c| c as u8).collect() };
     let faces = "element face 1\rproperty list uchar int vertex_indices\rend_header\r";
@@ -86,14 +86,14 @@ fn colours_as_floats_are_linear() {
                 element face 1\nproperty list uchar int vertex_indices\nend_header\n\
                 0 0 0 0.5 0.25 2 0.5\n1 0 0 0 0 0 1\n0 nan 0 0 0 0 1\n3 0 1 2\n";
     let error = load_ply(text.as_bytes()).map(|l| l.warnings.len());
-    // The triangle's corner is not a number, so that it is dropped, the alpha is not used, and 2 is too bright; the file itself is no error.
+    // The triangle's vertex is NaN, so it is dropped, the alpha is unused, and 2 is too bright; the file itself is valid.
     assert_eq!(error.expect("it can be read"), 4);
     let scene = load_ply(text.replace("nan", "1").as_bytes()).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(scene.meshes[0].colors[0], [0.5, 0.25, 1.0, 0.5], "no more light than comes");
 }
 
 #[test]
-fn point_clouds_become_spheres_of_the_wanted_radius() {
+fn point_clouds_become_spheres_of_the_given_radius() {
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
                 property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n\
                 0 0 0 255 255 255\n1 0 0 0 0 0\n0 2 0 255 255 255\nnan 0 0 9 9 9\n";
@@ -144,7 +144,7 @@ fn ply_reads_attributes_by_name_and_materials_of_faces() {
     assert_eq!((map.name.as_str(), map.width, map.of(2)), ("zweite Karte é", 2, &[3.0, 4.0][..]));
     assert_eq!((weight.name.as_str(), weight.width), ("weight", 1));
     assert_eq!(weight.values, [0.0, 1.0, 0.2, 0.0]);
-    // Faces of a material stand together.
+    // Faces are grouped by material.
     assert_eq!(mesh.triangles, [[2, 1, 3], [0, 1, 2]]);
     assert_eq!(mesh.parts.iter().map(|part| part.material.0).collect::<Vec<_>>(), [0, 1]);
     let options = LoadOptions { smooth_rad: Some(1.0), ..LoadOptions::default() };
@@ -156,7 +156,7 @@ fn ply_reads_attributes_by_name_and_materials_of_faces() {
 fn ply_subdivides_attributes_with_their_vertices() {
     let how = Subdivision { levels: 2, has_round_corners: false };
     let options = LoadOptions { subdivision: Some(how), ..LoadOptions::default() };
-    // An attribute that is the same as the texture coordinates stays that.
+    // An attribute equal to the texture coordinates stays so.
     let text = WITH_ATTRIBUTES
         .replace("property uchar a0_0", "property uchar a0_0\nproperty float s\nproperty float t")
         .replace("0 0 0 0.5 -1 0\n", "0 0 0 0.5 -1 0 0.5 -1\n")

@@ -1,4 +1,4 @@
-//! PLY files of Gaussian splats, plain and compressed, whole and damaged.
+//! PLY files of Gaussian splats, plain and compressed, valid and damaged.
 
 use super::load_ply;
 use crate::codes::code_of;
@@ -42,9 +42,9 @@ fn close(found: &[f32], expected: &[f32]) {
     }
 }
 
-/// A material of a scene file takes the place of their light, multiplied by their colours.
+/// A material of a scene file replaces emission, multiplied by the splats' colours.
 #[test]
-fn a_material_of_the_scene_file_keeps_the_colours() {
+fn materials_of_scene_files_keep_splat_colours() {
     let scene = b"[camera]\nlook_from = [0, 0, 5]\nlook_at = [0, 0, 0]\n[materials]\nlit = { type = \"lambert\", color = 0.9 }\n\
         [[objects]]\nmesh = \"a.ply\"\nmaterial = \"lit\"\n";
     let splats = plain(0, &[row(&[], USUAL)]);
@@ -55,7 +55,7 @@ fn a_material_of_the_scene_file_keeps_the_colours() {
 }
 
 #[test]
-fn plain_splats_are_activated() {
+fn plain_splats_are_decoded() {
     // Coefficients of red first, then of green, then of blue.
     let rest: Vec<f32> = (0..45).map(|i| i as f32 * 0.01).collect();
     let loaded = load_ply(&plain(45, &[row(&rest, USUAL)])).expect("it loads");
@@ -74,7 +74,7 @@ fn plain_splats_are_activated() {
         load_ply(&plain(0, &[row(&[], [0.0, -1.0, -2.0, -3.0, 0.0, 3.0, 0.0, 0.0])])).expect("it loads");
     close(&only_splats(&turned.scene).rotations[0], &[1.0, 0.0, 0.0, 0.0]);
     assert_eq!(only_splats(&turned.scene).degree, 0);
-    // y points down in them.
+    // Their y points down.
     let files = [("a.ply", plain(0, &[row(&[], USUAL)]))];
     let guessed = load_files_by(&files, &LoadOptions { up: Up::Auto, ..LoadOptions::default() });
     let guessed = guessed.expect("it loads");
@@ -88,7 +88,7 @@ fn plain_splats_are_activated() {
 }
 
 #[test]
-fn splats_of_text_and_flat_splats_load() {
+fn ascii_and_flat_splats_load() {
     let text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
                 property float f_dc_0\nproperty float f_dc_1\nproperty float f_dc_2\nproperty float opacity\n\
                 property float scale_0\nproperty float scale_1\nproperty float rot_0\nproperty float rot_1\n\
@@ -101,7 +101,7 @@ fn splats_of_text_and_flat_splats_load() {
     assert!(code_of(&error) == "splats-incomplete" && error.to_string().contains("rot_2"), "{error}");
 }
 
-/// What no picture can show is left out with its number, and what can be mended is.
+/// Invalid splats are dropped with a count, and repairable ones repaired.
 #[test]
 fn damaged_splats_are_counted() {
     let with = |at: usize, value: f32| {
@@ -130,7 +130,7 @@ fn damaged_splats_are_counted() {
     assert!(load_ply(&[huge.as_bytes(), &whole[60..]].concat()).is_err());
 }
 
-/// A chunk with bounds, two splats and coefficients of degree 1, by the layout of the format.
+/// A chunk with bounds, two splats and coefficients of degree 1, in the format's layout.
 fn packed(chunks: usize) -> Vec<u8> {
     let mut text = format!("ply\nformat binary_little_endian 1.0\nelement chunk {chunks}\n");
     let bounds = ["min", "max", "min_scale", "max_scale"];
@@ -150,7 +150,8 @@ fn packed(chunks: usize) -> Vec<u8> {
     for _ in 0..chunks {
         bytes.extend(chunk.iter().flat_map(|x: &f32| x.to_le_bytes()));
     }
-    // The first at the least of all bounds, the second at the greatest, turned by half about y (x, y, z, w) = (0, 1, 0, 0).
+    // The first at the minimum of all bounds, the second at the maximum, rotated by half a turn about y (x, y, z, w) = (0, 1,
+    // 0, 0).
     let (middle, half) = (512u32 << 20 | 512 << 10 | 512, 0x8000_0000u32);
     let words = [[0, middle, 0, 0xff], [u32::MAX, half | middle, u32::MAX, u32::MAX]];
     bytes.extend(words.iter().flatten().flat_map(|w| w.to_le_bytes()));
@@ -168,7 +169,7 @@ fn compressed_splats_are_unpacked() {
     close(&splats.scales[0], &[-4.0f32; 3].map(f32::exp));
     close(&splats.scales[1], &[-2.0f32, -1.0, 0.0].map(f32::exp));
     close(&splats.opacities, &[1.0, 1.0]);
-    // 512 of 1023 is a little more than the middle.
+    // 512 of 1023 is slightly more than the middle.
     let near =
         |q: [f32; 4], place: usize| q[place] > 0.99 && q.iter().filter(|x| x.abs() < 2e-3).count() == 3;
     assert!(near(splats.rotations[0], 3) && near(splats.rotations[1], 1), "{:?}", splats.rotations);
@@ -185,7 +186,7 @@ fn compressed_splats_are_unpacked() {
     }
 }
 
-/// A scene file places splats as it places meshes.
+/// Scene files place splats like meshes.
 #[test]
 fn scene_files_place_splats() {
     let toml = "[[objects]]\nmesh = 'a.ply'\ntransform = [{ translate = [1, 2, 3] }]\n";

@@ -1,5 +1,5 @@
-//! Every key of scene files does something: the scene with it differs from the scene with another value, and no key that
-//! the parser knows is left out here.
+//! Every key of scene files has an effect: the scene with it differs from the scene with another value, and this test covers
+//! every key that the parser knows.
 
 use super::tables::{BALL, PLAIN, SHAPE, TEXTURED, Table, tables};
 use super::{WRONG, known_keys};
@@ -49,7 +49,7 @@ fn every_key_changes_the_scene() {
     for table in tables() {
         let usual = scene(&table.text(None, ""));
         for &(key, _, other) in &table.keys {
-            // Without the volume its inside means nothing.
+            // Without the volume its inside has no effect.
             let inside = ["attenuation_color", "attenuation_distance", "dispersion"];
             let other = match other {
                 "" => {
@@ -66,15 +66,15 @@ fn every_key_changes_the_scene() {
 }
 
 #[test]
-fn no_key_is_left_out() {
+fn all_keys_are_tested() {
     let all = tables();
     let abouts: BTreeSet<&str> = all.iter().map(|t| t.about).collect();
     for about in abouts {
         let tables: Vec<&Table> = all.iter().filter(|t| t.about == about).collect();
         let tried: BTreeSet<&str> = tables.iter().flat_map(|t| &t.keys).map(|key| key.0).collect();
         let known = known_keys(&tables[0].text(None, &format!("{WRONG} = 1")));
-        // The type is in every table's head, displacement, normals and numbers may be in all of materials; cameras and lights from models, and motion, have tests
-        // of their own.
+        // `type` is in every table's header, displacement, normals and numbers are common to all materials; cameras and lights
+        // from models, and motion, have separate tests.
         let elsewhere = ["type", "from", "name", "node", "displacement", "normal", "index", "bump", "motion"];
         let missing: Vec<&String> = known
             .iter()
@@ -84,7 +84,7 @@ fn no_key_is_left_out() {
     }
 }
 
-/// Keys of objects and steps of transforms, which exclude one another.
+/// Keys of objects and steps of transforms, which are mutually exclusive.
 #[test]
 fn objects_and_their_transforms() {
     let ball = "sphere = { center = [1, 2, 3], radius = 1 }\nmaterial = \"a\"\n";

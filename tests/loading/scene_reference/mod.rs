@@ -1,5 +1,4 @@
-//! The reference of scene files against the parser: each key that the parser knows is explained, and each key that the
-//! tables explain is known.
+//! The scene file reference against the parser: each key of the parser is documented, and each documented key exists.
 
 mod keys;
 mod tables;
@@ -9,10 +8,10 @@ use oscura::load::scene_file::{CHAPTERS, Chapter};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// A key that is none, and like none.
+/// An unknown key that resembles no other.
 const WRONG: &str = "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx";
 
-/// All messages and remedies about a scene file.
+/// All messages and hints about a scene file.
 fn complaints(text: &str) -> Vec<(String, String)> {
     let error = load_files(&[("scene.toml", text)]).expect_err("the scene has a wrong key");
     error.problems.into_iter().map(|p| (p.message, p.help.unwrap_or_default())).collect()
@@ -22,7 +21,7 @@ fn list_after(help: &str, words: &str) -> Option<BTreeSet<String>> {
     Some(help.strip_prefix(words)?.split(", ").map(str::to_string).collect())
 }
 
-/// The keys that the parser knows where a scene has the wrong one.
+/// The keys that the parser lists for an unknown key.
 fn known_keys(text: &str) -> BTreeSet<String> {
     assert!(text.contains(WRONG));
     let found = complaints(text);
@@ -33,20 +32,20 @@ fn known_keys(text: &str) -> BTreeSet<String> {
     keys.unwrap_or_else(|| panic!("{text}\n{found:?}"))
 }
 
-/// The types that the parser knows of a texture or material.
+/// The types of a texture or material that the parser lists.
 fn known_types(part: &str) -> BTreeSet<String> {
     let found = complaints(&format!("[{part}.a]\ntype = \"{WRONG}\"\n[[objects]]\n"));
     found.iter().find_map(|(_, help)| list_after(help, "one of: ")).unwrap_or_else(|| panic!("{found:?}"))
 }
 
-/// Words in marks of code, split at what no key contains.
+/// Words in inline code, split at characters that no key contains.
 fn code_words(markdown: &str) -> BTreeSet<String> {
     let code = markdown.split('`').skip(1).step_by(2);
     let words = code.flat_map(|c| c.split(|c: char| !(c.is_alphanumeric() || "_-".contains(c))));
     words.filter(|w| !w.is_empty()).map(str::to_string).collect()
 }
 
-/// The words in code of the first column of tables whose head is `head`.
+/// The words in inline code of the first column of tables with the header `head`.
 fn first_column(markdown: &str, head: &str) -> BTreeSet<String> {
     let mut words = BTreeSet::new();
     let mut is_inside = false;
@@ -66,20 +65,20 @@ fn chapter(name: &str) -> String {
     Chapter::find(name).unwrap_or_else(|| panic!("no chapter {name}")).markdown()
 }
 
-fn assert_explained(keys: &BTreeSet<String>, chapter_name: &str, about: &str) {
+fn assert_documented(keys: &BTreeSet<String>, chapter_name: &str, about: &str) {
     let words = code_words(&chapter(chapter_name));
     let missing: Vec<_> = keys.difference(&words).collect();
     assert!(missing.is_empty(), "'{chapter_name}' doesn't explain {missing:?} of {about}");
 }
 
 #[test]
-fn every_part_and_its_keys_are_explained() {
+fn all_sections_and_keys_are_documented() {
     let parts = known_keys(&format!("{WRONG} = 1\n[[objects]]\n"));
     assert!(parts.contains("camera") && parts.contains("objects"), "{parts:?}");
     for part in &parts {
         assert!(Chapter::find(part).is_some(), "no chapter on '{part}'");
     }
-    // The lens is read with a placed camera only, and each projection has keys of its own.
+    // The lens is read with a placed camera only, and each projection has its own keys.
     let placed = |projection: &str| format!("look_from = [0, 0, 1]\nlook_at = [0, 0, 0]\n{projection}");
     let panorama = |kind: &str| placed(&format!("type = \"panorama\"\nprojection = \"{kind}\"\n"));
     let cameras = [placed(""), placed("type = \"orthographic\"\n")]
@@ -89,7 +88,7 @@ fn every_part_and_its_keys_are_explained() {
     for (part, heads) in [("camera", cameras.collect()), ("environment", plain()), ("render", plain())] {
         let of_head = |head: &String| known_keys(&format!("[{part}]\n{head}{WRONG} = 1\n[[objects]]\n"));
         let keys: BTreeSet<String> = heads.iter().flat_map(of_head).collect();
-        assert_explained(&keys, part, part);
+        assert_documented(&keys, part, part);
         let listed = first_column(&chapter(part), "Key");
         let unknown: Vec<_> = listed.difference(&keys).collect();
         assert!(unknown.is_empty(), "'{part}' explains {unknown:?}, which the parser doesn't know: {keys:?}");
@@ -97,64 +96,64 @@ fn every_part_and_its_keys_are_explained() {
 }
 
 #[test]
-fn every_type_of_texture_and_material_is_explained() {
+fn all_texture_and_material_types_are_documented() {
     for part in ["textures", "materials"] {
         let types = known_types(part);
         assert!(types.len() >= 5, "{types:?}");
-        assert_explained(&types, part, "types");
+        assert_documented(&types, part, "types");
         let listed = first_column(&chapter(part), "type");
         assert_eq!(listed, types, "types in the table of '{part}'");
         for kind in &types {
             let scene = format!("[{part}.a]\ntype = \"{kind}\"\n{WRONG} = 1\n[[objects]]\n");
-            assert_explained(&known_keys(&scene), part, kind);
+            assert_documented(&known_keys(&scene), part, kind);
         }
     }
 }
 
 #[test]
-fn objects_and_transforms_are_explained() {
+fn objects_and_transforms_are_documented() {
     let object = known_keys(&format!("[[objects]]\n{WRONG} = 1\nmaterials = []\n"));
-    assert_explained(&object, "objects", "an object");
+    assert_documented(&object, "objects", "an object");
     for shape in ["sphere", "quad", "box", "pyramid"] {
         assert!(object.contains(shape), "{object:?}");
         let scene = format!(
             "[materials]\na = {{ type = \"lambert\" }}\n[[objects]]\n{shape} = {{ {WRONG} = 1 }}\nmaterial = \"a\"\n"
         );
-        assert_explained(&known_keys(&scene), "objects", shape);
+        assert_documented(&known_keys(&scene), "objects", shape);
     }
     let shapes = first_column(&chapter("objects"), "Shape");
     assert!(shapes.is_subset(&object), "{shapes:?} {object:?}");
     let light = known_keys(&format!("[[lights]]\n{WRONG} = 1\npoint = {{}}\n[[objects]]\n"));
-    assert_explained(&light, "lights", "a light");
+    assert_documented(&light, "lights", "a light");
     let portal = known_keys(&format!("[[portals]]\n{WRONG} = 1\n[[objects]]\n"));
-    assert_explained(&portal, "portals", "a portal");
+    assert_documented(&portal, "portals", "a portal");
     let curves = known_keys(&format!("[[curves]]\n{WRONG} = 1\n[[objects]]\n"));
-    assert_explained(&curves, "curves", "curves");
+    assert_documented(&curves, "curves", "curves");
     assert!(first_column(&chapter("curves"), "Key").is_subset(&curves), "{curves:?}");
     for shape in first_column(&chapter("lights"), "Shape") {
         assert!(light.contains(&shape), "{shape} {light:?}");
         let scene = format!("[[lights]]\n{shape} = {{ {WRONG} = 1 }}\n[[objects]]\n");
-        assert_explained(&known_keys(&scene), "lights", &shape);
+        assert_documented(&known_keys(&scene), "lights", &shape);
     }
     let step = known_keys(&format!("[[objects]]\ntransform = [{{ {WRONG} = 1 }}]\n"));
-    assert_explained(&step, "transform", "a step");
+    assert_documented(&step, "transform", "a step");
     for (about, motion) in [
         ("a motion", format!("{WRONG} = 1, translate = [1, 0, 0]")),
         ("a rotation", format!("rotate = {{ {WRONG} = 1 }}")),
         ("a key", format!("keys = [{{ {WRONG} = 1 }}]")),
     ] {
         let known = known_keys(&format!("[[objects]]\nmotion = {{ {motion} }}"));
-        assert_explained(&known, "motion", about);
+        assert_documented(&known, "motion", about);
     }
 }
 
 #[test]
-fn media_are_explained() {
+fn media_are_documented() {
     let object = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
     let fog = known_keys(&format!(
         "[environment]\nfog = {{ {WRONG} = 1 }}\n[materials]\na = {{ type = \"lambert\" }}\n{object}"
     ));
-    assert_explained(&fog, "media", "fog");
+    assert_documented(&fog, "media", "fog");
     for (key, head) in [("medium", "Medium"), ("subsurface", "Subsurface")] {
         let text =
             format!("[materials.a]\ntype = \"pbr\"\nvolume = true\n{key} = {{ {WRONG} = 1 }}\n{object}");

@@ -1,8 +1,8 @@
 //! The keys of scene files, with two values each, from `tables.txt`.
 //!
-//! A table there begins with `# about`, perhaps with what it is in: `texture` and `material` begin as such, `alone` with nothing, others
-//! with a material `a`. Lines of `|` are what comes before the keys, lines of `key = value ~ other value` the keys, lines of `+` are added
-//! to the usual object behind them, and lines of `=` replace it.
+//! A table starts with `# about`, optionally with its context: `texture` and `material` as such, `alone` without context, others
+//! with a material `a`. Lines of `|` precede the keys, lines of `key = value ~ other value` are the keys, lines of `+` are added
+//! to the default object after them, and lines of `=` replace it.
 
 /// An object that uses the material `a`.
 pub const BALL: &str = "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
@@ -11,7 +11,7 @@ pub const SHAPE: &str = "[materials]\na = { type = \"lambert\" }\nb = { type = \
 pub const PLAIN: &str = "[materials]\na = { type = \"lambert\" }\n";
 pub const TEXTURED: &str = "[materials]\na = { type = \"lambert\", color = \"t\" }\n[textures.t]\n";
 
-/// Keys that may stand together in one table, each with two values, and what is around them.
+/// Keys of one table, each with two values, and their context.
 #[derive(Default)]
 pub struct Table {
     /// Tables of the same keys share this.
@@ -54,10 +54,10 @@ pub fn tables() -> Vec<Table> {
 }
 
 impl Table {
-    /// A scene with the first value of each key, except that one key may have another value (empty: none), and with a further line
-    /// (or none).
+    /// A scene with the first value of each key, except that one key may have another value (empty: none), and with an extra
+    /// line (or none).
     pub fn text(&self, changed: Option<(&str, &str)>, further: &str) -> String {
-        // Of an inline table the end is missing.
+        // The closing brace of inline tables is added later.
         let is_inline = self.before.ends_with("{\n") || self.before.ends_with(",\n");
         let (between, end) = if is_inline { (", ", " }\n") } else { ("\n", "\n") };
         let before = if is_inline { self.before.trim_end() } else { &self.before };

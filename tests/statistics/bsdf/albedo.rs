@@ -1,4 +1,4 @@
-//! The share of light that a material returns.
+//! The directional albedo of materials.
 
 use super::lobes::{Cases, direction};
 use oscura::bsdf::Bsdf;
@@ -8,7 +8,7 @@ use oscura::math::Vec3;
 pub const COSINES: [f32; 8] = [1.0, 0.9, 0.7, 0.5, 0.3, 0.1, -0.9, -0.3];
 pub const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.3, 0.5, 0.75, 1.0];
 
-/// Mean weight: the share of light returned.
+/// Mean weight: the directional albedo.
 pub fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> Rgb {
     let mut sum = [0.0f64; 3];
     for i in 0..n {
@@ -24,8 +24,7 @@ pub fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> Rgb {
     Rgb::from_array(sum.map(|x| (x / f64::from(n)) as f32))
 }
 
-/// Asserts that nothing returns more than 1 + 1e-3. What comes near that is measured again with more samples, whose
-/// own error is below 1e-4.
+/// Asserts an albedo of at most 1 + 1e-3. Values near it are measured again with more samples, whose own error is below 1e-4.
 pub fn assert_no_gain(all: &[(String, Bsdf)], cosines: &[f32], cases: &Cases) {
     let mut worst = (0.0, String::new());
     for (name, bsdf) in all {

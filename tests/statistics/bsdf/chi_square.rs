@@ -1,4 +1,4 @@
-//! Samples follow their densities, and weights are values over densities.
+//! Samples follow their pdf, and weights are value over pdf.
 
 use super::lobes::{Cases, conductor, direction, finite, glass, length};
 use oscura::math::Vec3;
@@ -9,22 +9,22 @@ use oscura::scene::EnergyCompensation;
 const COSINES: [f32; 7] = [1.0, 0.8, 0.3, 0.05, 0.002, -0.6, -0.02];
 
 #[test]
-fn samples_follow_the_density() {
-    samples_follow_the_density_in(&Cases::each(13));
+fn samples_follow_the_pdf() {
+    check_samples_follow_the_pdf(&Cases::each(13));
 }
 
 #[test]
 #[ignore = "6 minutes"]
-fn samples_follow_the_density_in_all_cases() {
-    samples_follow_the_density_in(&Cases::all());
+fn samples_follow_the_pdf_in_all_cases() {
+    check_samples_follow_the_pdf(&Cases::all());
 }
 
-fn samples_follow_the_density_in(cases: &Cases) {
+fn check_samples_follow_the_pdf(cases: &Cases) {
     let lobes = finite();
     let pairs = lobes.iter().flat_map(|lobe| COSINES.map(|cosine| (lobe, cosine)));
     let pairs: Vec<_> = pairs.filter(|_| cases.takes()).collect();
     for ((name, bsdf), cosine) in &pairs {
-        // Transmission ends within cells.
+        // The boundary of transmission crosses cells.
         let splits = if bsdf.has_scattered_transmission() { 2 } else { 0 };
         let wo = direction(*cosine, 0.7);
         Chi2::new(&format!("{name} from {cosine}"), pairs.len())
@@ -42,9 +42,9 @@ fn samples_follow_the_density_in(cases: &Cases) {
     }
 }
 
-/// A lobe of alpha 0.003, seen through a cap around the mirror direction.
+/// A lobe of alpha 0.003, tested in a cap around the mirror direction.
 #[test]
-fn sharp_lobes_follow_the_density() {
+fn sharp_lobes_follow_the_pdf() {
     for cosine in [1.0f32, 0.4] {
         let wo = direction(cosine, -1.0);
         let bsdf = conductor(0.003, EnergyCompensation::Off);
@@ -57,13 +57,13 @@ fn sharp_lobes_follow_the_density() {
     }
 }
 
-/// Glass hardly denser than air spreads transmitted light by less than a thousandth of a radian.
+/// Glass of an index close to 1 spreads transmitted light by less than a thousandth of a radian.
 #[test]
-fn nearly_invisible_glass_follows_the_density() {
+fn nearly_index_matched_glass_follows_the_pdf() {
     for cosine in COSINES {
         let wo = direction(cosine, 0.7);
         let bsdf = glass(1.001, 0.9, false, [1.0; 3], EnergyCompensation::On);
-        // Facets that no longer face up end the lobe near its centre: not where the cells meet.
+        // Back-facing microfacets end the lobe near its centre: not where the cells meet.
         let centre = -wo - Vec3::Z * 1e-3f32.copysign(cosine);
         Chi2::new(&format!("glass 1.001 from {cosine}"), COSINES.len()).assert_directions(
             &SphericalDomain::cap(centre, 8e-6),
@@ -77,7 +77,7 @@ fn nearly_invisible_glass_follows_the_density() {
 }
 
 #[test]
-fn weights_are_value_over_density() {
+fn weights_are_value_over_pdf() {
     let mut random = Random::new(1);
     for (name, bsdf) in finite() {
         for _ in 0..20_000 {

@@ -1,5 +1,5 @@
-//! Dielectric layers of glTF materials: how much they reflect, against Fresnel's equations in double precision, and what
-//! they leave to what is below.
+//! Dielectric layers of glTF materials: their reflectance against Fresnel's equations in double precision, and the energy left
+//! for the layers below.
 
 use super::albedo::albedo;
 use super::furnace::assert_white_at;
@@ -20,14 +20,14 @@ fn fresnel(cosine: f64, ior: f64) -> f64 {
     0.5 * (s * s + p * p)
 }
 
-/// Schlick's approximation of it.
+/// Schlick's approximation.
 fn schlick(cosine: f64, ior: f64) -> f64 {
     let normal = ((ior - 1.0) / (ior + 1.0)).powi(2);
     normal + (1.0 - normal) * (1.0 - cosine).powi(5)
 }
 
-/// What GGX facets reflect once from a direction of this cosine: the integral over all directions of light, as a sum over
-/// the half vectors' slopes x = tan^2 / (tan^2 + alpha^2), on which normals are spread evenly, and their azimuth.
+/// Single-scattering reflectance of GGX at this cosine: an integral over light directions, as a sum over the half vectors'
+/// slopes x = tan^2 / (tan^2 + alpha^2), on which normals are distributed uniformly, and their azimuth.
 fn reflected(cosine: f64, alpha: f64, reflectance: impl Fn(f64) -> f64) -> f64 {
     let wo = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
     let excess = |v: DVec3| {
@@ -47,7 +47,7 @@ fn reflected(cosine: f64, alpha: f64, reflectance: impl Fn(f64) -> f64) -> f64 {
             let c = wo.dot(half);
             let wi = half * (2.0 * c) - wo;
             if c > 0.0 && wi.z > 0.0 {
-                // F D G2 / (4 wo.z wi.z) wi.z, over the density D half.z / (4 c) of the directions.
+                // F D G2 / (4 wo.z wi.z) wi.z, over the pdf D half.z / (4 c) of the directions.
                 let masking = 1.0 / (1.0 + excess(wo) + excess(wi));
                 sum += reflectance(c) * masking * c / (wo.z * z);
             }
@@ -62,7 +62,7 @@ fn with(energy_compensation: EnergyCompensation, fresnel: FresnelModel) -> Shadi
     ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() }
 }
 
-/// Nothing below the layer.
+/// A black base.
 fn black(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
     pbr(|p| {
         p.base_color.factor = [0.0; 3];
@@ -70,10 +70,9 @@ fn black(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
     })
 }
 
-/// A plastic floor of roughness 0.25 at 60 degrees reflects what Fresnel's equations say; Schlick's approximation has 79 %
-/// of it.
+/// Plastic of roughness 0.25 at 60 degrees agrees with Fresnel's equations; Schlick's approximation gives 79 % of it.
 #[test]
-fn plastic_at_60_degrees_reflects_what_fresnels_equations_say() {
+fn plastic_at_60_degrees_agrees_with_fresnel() {
     let floor = || black(|p| p.roughness = number(0.25));
     let alpha = 0.25f64.powi(2);
     let mut found = [0.0; 2];
@@ -91,9 +90,9 @@ fn plastic_at_60_degrees_reflects_what_fresnels_equations_say() {
     assert!((0.75..0.83).contains(&(found[1] / found[0])), "{found:?}");
 }
 
-/// Over indices, roughnesses and angles.
+/// For various indices, roughnesses and angles.
 #[test]
-fn layers_reflect_what_fresnels_equations_say() {
+fn layers_agree_with_fresnel() {
     for ior in [1.05, 1.33, 1.5, 2.4, 3.0] {
         for roughness in [0.1, 0.4, 0.8] {
             for cosine in [0.95, 0.6, 0.25] {
@@ -111,9 +110,9 @@ fn layers_reflect_what_fresnels_equations_say() {
     }
 }
 
-/// KHR_materials_specular: F0 is the colour's share of that of the index, F90 the factor; between them the curve.
+/// KHR_materials_specular: F0 is scaled by the colour, F90 by the factor; the curve interpolates.
 #[test]
-fn specular_scales_both_ends_of_the_curve() {
+fn specular_scales_f0_and_f90() {
     let (factor, colors, ior) = (0.6f32, [2.0f32, 0.5, 0.0], 1.5f64);
     let material = black(|p| {
         (p.specular, p.roughness) = (number(factor), number(0.0));
@@ -132,9 +131,9 @@ fn specular_scales_both_ends_of_the_curve() {
     }
 }
 
-/// An index of 0 means that all is reflected, one of 1 that nothing is.
+/// An index of 0 reflects all light, 1 nothing.
 #[test]
-fn the_ends_of_the_range_of_indices() {
+fn extreme_indices() {
     for cosine in [1.0, 0.5, 0.1] {
         let at = |ior: f32| {
             albedo(
@@ -148,19 +147,19 @@ fn the_ends_of_the_range_of_indices() {
     }
 }
 
-/// White below any layer returns all light.
+/// A white base below any layer reflects all light.
 #[test]
 fn white_furnace_of_plastic_is_one() {
-    white_furnace_of_plastic_is_one_in(&Cases::each(13));
+    check_white_furnace_of_plastic(&Cases::each(13));
 }
 
 #[test]
 #[ignore = "5 seconds"]
 fn white_furnace_of_plastic_is_one_in_all_cases() {
-    white_furnace_of_plastic_is_one_in(&Cases::all());
+    check_white_furnace_of_plastic(&Cases::all());
 }
 
-fn white_furnace_of_plastic_is_one_in(cases: &Cases) {
+fn check_white_furnace_of_plastic(cases: &Cases) {
     for ior in [0.0, 1.0, 1.02, 1.1, 1.33, 1.5, 2.0, 2.6, 3.0, 4.0, 10.0] {
         for roughness in [0.0, 0.1, 0.25, 0.4, 0.6, 0.8, 1.0] {
             let bsdf = resolved(pbr(|p| (p.ior, p.roughness) = (ior, number(roughness))));
@@ -170,20 +169,20 @@ fn white_furnace_of_plastic_is_one_in(cases: &Cases) {
     }
 }
 
-/// Without compensation it returns all but what facets mirror into each other: of the light that they reflect at all, the
-/// share that metal of the same facets would lose.
+/// Without compensation it loses only the energy of multiple scattering: the same fraction of the reflected light that metal
+/// with these microfacets would lose.
 #[test]
-fn furnace_of_single_scattering_loses_what_facets_shadow() {
-    single_scattering_loses_what_facets_shadow_in(&Cases::each(7));
+fn furnace_of_single_scattering() {
+    check_single_scattering(&Cases::each(7));
 }
 
 #[test]
 #[ignore = "7 seconds"]
-fn furnace_of_single_scattering_loses_what_facets_shadow_in_all_cases() {
-    single_scattering_loses_what_facets_shadow_in(&Cases::all());
+fn furnace_of_single_scattering_in_all_cases() {
+    check_single_scattering(&Cases::all());
 }
 
-fn single_scattering_loses_what_facets_shadow_in(cases: &Cases) {
+fn check_single_scattering(cases: &Cases) {
     for ior in [1.02f32, 1.1, 1.33, 1.5, 2.0, 3.0] {
         for roughness in [0.1f32, 0.25, 0.4, 0.6, 0.8, 1.0] {
             let alpha = f64::from(roughness).powi(2);
@@ -211,9 +210,9 @@ fn single_scattering_loses_what_facets_shadow_in(cases: &Cases) {
     }
 }
 
-/// With Schlick's approximation selected, mirrors reflect what its formula says.
+/// With Schlick's approximation selected, smooth reflection follows its formula.
 #[test]
-fn schlick_is_what_it_was() {
+fn schlick_option_agrees_with_schlick() {
     let model = with(EnergyCompensation::On, FresnelModel::Schlick);
     for ior in [1.0f32, 1.33, 1.5, 2.4] {
         for cosine in [1.0f32, 0.7, 0.5, 0.2, 0.05] {
@@ -229,7 +228,7 @@ fn schlick_is_what_it_was() {
     }
 }
 
-/// A clearcoat has an index of 1.5, whatever the base's; rough ones as the integral over their facets.
+/// A clearcoat has an index of 1.5, independent of the base; rough ones agree with the microfacet integral.
 #[test]
 fn clearcoat_at_60_degrees() {
     for (roughness, tolerance) in [(0.0f32, 1e-6), (0.25, 1e-4), (0.7, 1e-4)] {
@@ -247,11 +246,12 @@ fn clearcoat_at_60_degrees() {
     }
 }
 
-/// A film of no thickness shows the plastic below, one far beyond the coherence length the sum of all reflections between its faces.
+/// A film of zero thickness shows the plastic below, one far beyond the coherence length the incoherent sum of all inter-
+/// reflections.
 #[test]
 fn iridescence_at_60_degrees() {
     let film_ior = 1.33f64;
-    // Into the film, then onto the plastic under the refracted angle.
+    // Into the film, then onto the plastic at the refracted angle.
     let inside = (1.0 - 0.75 / film_ior.powi(2)).sqrt();
     let (top, bottom) = (fresnel(0.5, film_ior), fresnel(inside, 1.5 / film_ior));
     let thick = top + (1.0 - top).powi(2) * bottom / (1.0 - top * bottom);

@@ -1,4 +1,4 @@
-//! Energy: what arrives is what leaves, for white materials.
+//! White furnace tests: energy conservation of white materials.
 
 use super::albedo::{COSINES, ROUGHNESSES, albedo, assert_no_gain};
 use super::lobes::{
@@ -28,8 +28,8 @@ fn white_furnace_of_metal_is_one() {
     }
 }
 
-/// At alpha 1 the distribution of normals is constant and the albedo has the closed form 1 - c ln((1 + c) / c) for the
-/// view cosine c: single scattering loses up to 69 %.
+/// At alpha 1 the distribution of normals is constant and the albedo has the closed form 1 - c ln((1 + c) / c) for the view
+/// cosine c: single scattering loses up to 69 %.
 #[test]
 fn single_scattering_loses_energy_with_roughness() {
     let at = |alpha: f32, cosine: f32| {
@@ -50,7 +50,7 @@ fn single_scattering_loses_energy_with_roughness() {
 }
 
 #[test]
-fn nothing_returns_more_than_arrives() {
+fn albedos_are_at_most_one() {
     let white = |roughness: f32, metallic: f32, transmission: f32, volume: bool| {
         resolved(pbr(|p| {
             (p.roughness, p.metallic) = (number(roughness), number(metallic));
@@ -72,7 +72,7 @@ fn nothing_returns_more_than_arrives() {
 }
 
 #[test]
-fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
+fn glass_agrees_with_fresnel_and_conserves_energy() {
     for fresnel in [FresnelModel::Exact, FresnelModel::Schlick] {
         let glass = Bsdf::Dielectric(Dielectric {
             ior: 1.5,
@@ -96,7 +96,7 @@ fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
     let glass = of(Refraction::Scales);
     let straight = glass.sample(Vec3::Z, [0.5, 0.5, 0.039]);
     assert!(!straight.is_transmission && (straight.pdf_solid_angle - 0.04).abs() < 1e-6);
-    // Snell: sin 0.6 becomes 0.4 inside; radiance shrinks by 1 / eta^2, and the way back undoes it.
+    // Snell: sin 0.6 becomes 0.4 inside; radiance is scaled by 1 / eta^2, which the exit undoes.
     let wo = Vec3::new(0.6, 0.0, 0.8);
     let inward = glass.sample(wo, [0.5, 0.5, 0.9]);
     assert!((inward.wi.x + 0.4).abs() < 1e-6 && inward.wi.z < 0.0 && inward.is_transmission);
@@ -104,20 +104,20 @@ fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
     let outward = glass.sample(inward.wi, [0.5, 0.5, 0.9]);
     assert!((outward.wi - wo).length() < 1e-5, "{outward:?}");
     assert!((inward.weight.r * outward.weight.r - 1.0).abs() < 1e-5);
-    // Where radiance keeps its value, flux makes up for it.
+    // Glass that keeps radiance scales flux.
     let kept = of(Refraction::KeepsRadiance).sample(wo, [0.5, 0.5, 0.9]);
     assert_eq!((kept.wi, kept.weight, kept.eta), (inward.wi, Rgb::ONE, 1.0));
     assert!((inward.weight.r * inward.flux - 1.0).abs() < 1e-6 && (kept.flux - 1.0 / 2.25).abs() < 1e-6);
-    // Beyond the critical angle everything is reflected.
+    // Total internal reflection beyond the critical angle.
     let total = glass.sample(direction(-0.3, 0.0), [0.5, 0.5, 0.999]);
     assert!(!total.is_transmission && total.pdf_solid_angle == 1.0);
-    // A sheet of glass at normal incidence: 2 R / (1 + R).
+    // Thin glass at normal incidence: 2 R / (1 + R).
     let sheet = ThinDielectric { ior: 1.5, tint: Rgb::ONE };
     assert!((sheet.reflectance(1.0) - 0.08 / 1.04).abs() < 1e-6);
     assert_eq!(sheet.sample(wo, [0.5, 0.5, 0.9]).wi, -wo);
 }
 
-/// Asserts that a white material returns all light, within 0.5 % (the lattice's own error is below 0.1 %).
+/// Asserts an albedo of 1 within 0.5 % (the lattice's own error is below 0.1 %).
 fn assert_white(name: &str, bsdf: &Bsdf) {
     assert_white_at(&COSINES, 40_000, name, bsdf, &Cases::all());
 }
@@ -139,7 +139,7 @@ fn white_furnace_of_thin_glass_is_one() {
     }
 }
 
-/// Solids of any index and of one roughness or two: each sample weighs 1, but for rounding.
+/// Solids of any index with isotropic or anisotropic roughness: each sample has weight 1, up to rounding.
 #[test]
 fn white_furnace_of_solid_glass_is_one() {
     let mut random = Random::new(7);
@@ -162,14 +162,14 @@ fn white_furnace_of_solid_glass_is_one() {
                         assert!(is_one || s.pdf_solid_angle == 0.0, "{name}, cos {cosine}: {u:?} {s:?}");
                     }
                 }
-                // Next to the index of air rounding may lose a facet that stands upright.
+                // Close to index 1 rounding may lose a facet that faces up.
                 assert!(absorbed <= u32::from((ior - 1.0).abs() < 0.01), "{name}: {absorbed} absorbed");
             }
         }
     }
 }
 
-/// Light that crosses the surface of black glass is black, by whichever facets.
+/// Light transmitted by black glass is black, for any microfacets.
 #[test]
 fn black_glass_transmits_nothing() {
     let mut random = Random::new(8);
@@ -186,10 +186,10 @@ fn black_glass_transmits_nothing() {
     }
 }
 
-/// A colour of what is reflected changes no share: all that leaves is what leaves white glass, times the colour. What reflects nothing
-/// mirrors nothing, and refracts all light, where white glass does not reflect it all.
+/// A reflection tint doesn't change the pdf: all light is that of white glass, times the tint. Without reflection all light is
+/// refracted, where white glass has no total internal reflection.
 #[test]
-fn colours_of_reflection_change_no_share() {
+fn reflection_tints_keep_the_pdf() {
     let shading = ShadingModel { energy_compensation: EnergyCompensation::Off, ..ShadingModel::default() };
     let of = |reflection, roughness, volume, color| {
         let material = colored(reflection, roughness, volume);
@@ -229,18 +229,18 @@ fn colours_of_reflection_change_no_share() {
 
 #[test]
 fn white_furnace_of_glass_with_changed_reflectance_is_one() {
-    white_furnace_of_glass_with_changed_reflectance_is_one_in(&Cases::each(7));
+    check_white_furnace_of_glass_with_changed_reflectance(&Cases::each(7));
 }
 
 #[test]
 #[ignore = "11 seconds"]
 fn white_furnace_of_glass_with_changed_reflectance_is_one_in_all_cases() {
-    white_furnace_of_glass_with_changed_reflectance_is_one_in(&Cases::all());
+    check_white_furnace_of_glass_with_changed_reflectance(&Cases::all());
 }
 
-/// Whatever share a facet reflects, it passes the rest: grey factors keep all light, coloured ones that of the brightest
+/// Whatever fraction a facet reflects, it transmits the rest: grey factors conserve energy, coloured ones that of the brightest
 /// channel.
-fn white_furnace_of_glass_with_changed_reflectance_is_one_in(cases: &Cases) {
+fn check_white_furnace_of_glass_with_changed_reflectance(cases: &Cases) {
     let mut all = Vec::new();
     for ior in [1.05, 1.5, 2.6] {
         for roughness in [0.1, 0.4, 1.0] {
@@ -273,10 +273,10 @@ fn white_furnace_of_rough_diffuse_is_one() {
     }
 }
 
-/// Rough diffuse under an interface and under layers returns all light; without an interface it is Oren-Nayar's model,
-/// also where a leaf's material, of which nothing passes, has all the layers' parts.
+/// Rough diffuse reflection below an interface and layers conserves energy; without an interface it is the Oren-Nayar model,
+/// also with all lobes of a foliage material without transmission.
 #[test]
-fn rough_diffuse_bases_keep_light_and_agree_with_the_model_itself() {
+fn rough_diffuse_bases_conserve_energy_and_agree_with_the_model() {
     for roughness in [0.1, 0.5, 1.0] {
         for (specular, facets) in [(1.0, 0.0), (1.0, 0.3), (1.0, 1.0), (0.0, 0.5)] {
             let base = pbr(|p| {
@@ -316,17 +316,17 @@ fn rough_diffuse_bases_keep_light_and_agree_with_the_model_itself() {
 
 #[test]
 fn white_furnace_of_anisotropic_facets_is_one() {
-    white_furnace_of_anisotropic_facets_is_one_in(&Cases::each(11));
+    check_white_furnace_of_anisotropic_facets(&Cases::each(11));
 }
 
 #[test]
 #[ignore = "20 seconds"]
 fn white_furnace_of_anisotropic_facets_is_one_in_all_cases() {
-    white_furnace_of_anisotropic_facets_is_one_in(&Cases::all());
+    check_white_furnace_of_anisotropic_facets(&Cases::all());
 }
 
-/// Metal, and white under an interface, of two roughnesses.
-fn white_furnace_of_anisotropic_facets_is_one_in(cases: &Cases) {
+/// Metal, and a white base below an interface, with anisotropic roughness.
+fn check_white_furnace_of_anisotropic_facets(cases: &Cases) {
     for roughness in [0.05, 0.1, 0.3, 0.5, 0.75, 1.0] {
         for strength in [0.05, 0.2, 0.5, 1.0] {
             for (metallic, ior) in [(1.0, 1.5), (0.0, 1.5), (0.0, 1.05), (0.0, 3.0)] {
@@ -343,16 +343,16 @@ fn white_furnace_of_anisotropic_facets_is_one_in(cases: &Cases) {
 
 #[test]
 fn white_furnace_of_layers_is_one() {
-    white_furnace_of_layers_is_one_in(&Cases::each(11));
+    check_white_furnace_of_layers(&Cases::each(11));
 }
 
 #[test]
 #[ignore = "5 seconds"]
 fn white_furnace_of_layers_is_one_in_all_cases() {
-    white_furnace_of_layers_is_one_in(&Cases::all());
+    check_white_furnace_of_layers(&Cases::all());
 }
 
-fn white_furnace_of_layers_is_one_in(cases: &Cases) {
+fn check_white_furnace_of_layers(cases: &Cases) {
     for roughness in ROUGHNESSES {
         for base in ROUGHNESSES {
             let coated = pbr(|p| (p.clearcoat, p.roughness) = (coat(1.0, roughness), number(base)));
@@ -376,22 +376,22 @@ fn white_furnace_of_layers_is_one_in(cases: &Cases) {
     }
 }
 
-/// Phong: at normal incidence all but what the lobe loses below the surface; nothing at any angle gains.
+/// Phong: at normal incidence all but the part of the lobe below the horizon; no energy gain at any angle.
 #[test]
-fn phong_returns_at_most_its_shares() {
+fn phong_gains_no_energy() {
     for exponent in [0.0, 1.0, 10.0, 100.0, 1000.0] {
         let bsdf = Bsdf::Phong(Phong::new(Rgb::ZERO, Rgb::ONE, exponent));
         for cosine in COSINES {
             let a = albedo(&bsdf, direction(cosine, 0.0), 40_000);
             assert!(a.r < 1.0 + 1e-3, "{exponent} {cosine}: {a}");
         }
-        // (n + 2) / (n + 2) for the mirror direction straight up.
+        // (n + 2) / (n + 2) for the mirror direction along the normal.
         let top = albedo(&bsdf, direction(1.0, 0.0), 40_000).r;
         assert!((top - 1.0).abs() < 2e-3, "{exponent}: {top}");
     }
 }
 
-/// Sheen alone on black returns its colour times the table's albedo, which grows towards grazing incidence.
+/// Sheen on a black base reflects its colour times the albedo table, which increases towards grazing incidence.
 #[test]
 fn sheen_on_black_is_its_albedo() {
     for roughness in [0.2, 0.5, 1.0] {
@@ -409,9 +409,9 @@ fn sheen_on_black_is_its_albedo() {
     }
 }
 
-/// The inside of a solid does not see the layers outside it: glass alone, and all light.
+/// From inside a solid the layers outside have no effect: glass alone, without energy loss.
 #[test]
-fn layers_do_not_dim_the_inside_of_solids() {
+fn layers_do_not_affect_the_inside_of_solids() {
     let material = pbr(|p| {
         (p.clearcoat, p.sheen) = (coat(1.0, 0.3), sheen([1.0; 3], 0.5));
         (p.transmission, p.roughness, p.has_volume) = (number(1.0), number(0.4), true);

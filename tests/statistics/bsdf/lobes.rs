@@ -12,31 +12,30 @@ use oscura::scene::{
 };
 use std::cell::Cell;
 
-/// The cases of a test that a run looks at. The quick run of a test that takes long as a whole looks at each so many-th:
-/// with the same draws and the same bounds for each.
+/// The cases that a test covers. The quick version of a slow test covers every n-th: with the same samples and bounds for each.
 pub struct Cases {
     step: usize,
     met: Cell<usize>,
 }
 
 impl Cases {
-    /// All of them, for runs of ignored tests.
+    /// All of them, for ignored tests.
     pub fn all() -> Cases {
         Cases::each(1)
     }
 
-    /// Each `step`-th. A prime that no loop over the cases has as its length meets every value of every loop.
+    /// Every `step`-th. A prime that is not the length of any loop over the cases reaches every value of every loop.
     pub fn each(step: usize) -> Cases {
         Cases { step, met: Cell::new(0) }
     }
 
-    /// Is the next case one of them? To be asked once for each.
+    /// Is the next case covered? Call once for each case.
     pub fn takes(&self) -> bool {
         self.met.replace(self.met.get() + 1).is_multiple_of(self.step)
     }
 }
 
-/// Euclidean length, a measure of how different colours are.
+/// Euclidean length, a measure of the distance between colours.
 pub fn length(color: Rgb) -> f32 {
     Vec3::from_array(color.to_array()).length()
 }
@@ -52,7 +51,7 @@ pub fn conductor(alpha: f32, energy_compensation: EnergyCompensation) -> Bsdf {
     Bsdf::SchlickMetal(SchlickMetal { f0: Rgb::new(0.9, 0.7, 0.4), alpha, energy_compensation })
 }
 
-/// Gold of two roughnesses.
+/// Gold with anisotropic roughness.
 pub fn gold(alpha: [f32; 2], energy_compensation: EnergyCompensation) -> Bsdf {
     Bsdf::Conductor(Conductor {
         eta: Rgb::new(0.143, 0.375, 1.442),
@@ -62,19 +61,19 @@ pub fn gold(alpha: [f32; 2], energy_compensation: EnergyCompensation) -> Bsdf {
     })
 }
 
-/// A constant.
+/// A constant slot.
 pub fn number(value: f32) -> FloatSlot {
     FloatSlot::constant(value)
 }
 
-/// A white, rough dielectric, changed.
+/// A white, rough dielectric, modified.
 pub fn pbr(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
     let mut p = PbrMaterial { metallic: number(0.0), ..PbrMaterial::default() };
     change(&mut p);
     p
 }
 
-/// The BSDF of a glTF material, with tangents askew.
+/// The BSDF of a glTF material, with rotated tangents.
 pub fn resolved(p: PbrMaterial) -> Bsdf {
     resolved_with(p, ShadingModel::default())
 }
@@ -86,7 +85,7 @@ pub fn resolved_with(p: PbrMaterial, shading: ShadingModel) -> Bsdf {
     BsdfProgram::of(&Model::Pbr(Box::new(p)), shading).evaluate(&Factors, &frame)
 }
 
-/// Coloured glTF material of the four usual numbers.
+/// A coloured glTF material of the four basic parameters.
 pub fn basic(roughness: f32, metallic: f32, transmission: f32, has_volume: bool) -> Bsdf {
     resolved(pbr(|p| {
         p.base_color.factor = [0.8, 0.5, 0.2];
@@ -109,7 +108,7 @@ pub fn glass(
     BsdfProgram::of(&model, shading).evaluate(&Factors, &LocalFrame::DEFAULT)
 }
 
-/// Coloured glass that reflects so.
+/// Glass with a reflection tint.
 pub fn colored(reflection: GlassReflection, roughness: f32, has_volume: bool) -> PbrMaterial {
     pbr(|p| {
         p.base_color.factor = [0.9, 0.5, 0.1];
@@ -123,12 +122,12 @@ pub fn coat(factor: f32, roughness: f32) -> Option<Clearcoat> {
     Some(Clearcoat { factor: number(factor), roughness: number(roughness), normal_map: None })
 }
 
-/// Fibres.
+/// A sheen layer.
 pub fn sheen(color: [f32; 3], roughness: f32) -> Option<Sheen> {
     Some(Sheen { color: ColorSlot::constant(color), roughness: number(roughness) })
 }
 
-/// A film of full strength.
+/// A thin film of full strength.
 pub fn film(ior: f32, thickness_nm: f32) -> Option<Iridescence> {
     Some(Iridescence {
         factor: number(1.0),
@@ -139,18 +138,18 @@ pub fn film(ior: f32, thickness_nm: f32) -> Option<Iridescence> {
     })
 }
 
-/// Stretched facets.
+/// Anisotropic roughness.
 pub fn anisotropy(strength: f32) -> Option<Anisotropy> {
     Some(Anisotropy { strength, rotation_rad: 0.4, texture: None })
 }
 
-/// Light scattered through.
+/// Diffuse transmission.
 pub fn through(factor: f32, color: [f32; 3]) -> Option<DiffuseTransmission> {
     let color = ColorSlot::constant(color);
     Some(DiffuseTransmission { factor: number(factor), color, subsurface: None })
 }
 
-/// A body with subsurface scattering whose surface has roughness 0.4.
+/// A subsurface solid with a surface roughness of 0.4.
 fn body(entry: SubsurfaceEntry) -> PbrMaterial {
     pbr(|p| {
         let through = through(1.0, [1.0; 3]).map(|t| DiffuseTransmission { subsurface: Some(entry), ..t });
@@ -158,7 +157,7 @@ fn body(entry: SubsurfaceEntry) -> PbrMaterial {
     })
 }
 
-/// The same coat with a normal of its own.
+/// The same coat with its own normal.
 fn tilted(bsdf: Bsdf, normal: Vec3) -> Bsdf {
     match bsdf {
         Bsdf::Layered(l) => {
@@ -168,7 +167,7 @@ fn tilted(bsdf: Bsdf, normal: Vec3) -> Bsdf {
     }
 }
 
-/// Every lobe and layer with a finite width.
+/// Every non-delta lobe and layer.
 pub fn finite() -> Vec<(String, Bsdf)> {
     let mut all: Vec<(String, Bsdf)> = Vec::new();
     let mut add = |name: &str, bsdf: Bsdf| all.push((name.to_string(), bsdf));
@@ -243,7 +242,7 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     all
 }
 
-/// Hair around a fibre askew.
+/// Hair around a tilted fibre.
 pub fn hair(color: [f32; 3], roughness: [f32; 2], tilt_rad: f32, coat: f32) -> Bsdf {
     let frame = LocalFrame { tangent: Vec2::new(0.8, 0.6), ..LocalFrame::DEFAULT };
     let model = Model::Hair {
@@ -257,7 +256,7 @@ pub fn hair(color: [f32; 3], roughness: [f32; 2], tilt_rad: f32, coat: f32) -> B
     BsdfProgram::of(&model, ShadingModel::default()).evaluate(&Factors, &frame)
 }
 
-/// Materials of layers, most of them of finite width.
+/// Layered materials, most of them without delta lobes.
 pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
     vec![
         ("coat on diffuse", pbr(|p| (p.clearcoat, p.specular) = (coat(1.0, 0.3), number(0.0)))),
@@ -351,9 +350,9 @@ fn layers_need_their_class() {
     }
 }
 
-/// Smooth glass stays known as such, and thin one as what lights shine through, whatever it reflects.
+/// Smooth glass is classified as such, and thin glass as transparent to shadow rays, with any reflection tint.
 #[test]
-fn glass_of_coloured_reflection_is_known_as_smooth() {
+fn tinted_smooth_glass_is_classified_as_smooth() {
     for reflection in [GlassReflection::White, GlassReflection::Tinted, GlassReflection::None] {
         for (roughness, has_volume) in [(0.0, true), (0.0, false), (0.4, true), (0.4, false)] {
             let model = Model::Pbr(Box::new(colored(reflection, roughness, has_volume)));

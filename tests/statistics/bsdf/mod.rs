@@ -1,11 +1,11 @@
-//! Every lobe and layered material: samples follow the density, weights are value over density, energy is kept, light
-//! takes both ways alike where promised, nothing is NaN.
+//! Every lobe and layered material: samples follow the pdf, weights are value over pdf, energy is conserved, reciprocity where
+//! promised, nothing is NaN.
 
 mod albedo;
 mod chi_square;
 mod dielectric_layers;
+mod energy_gain;
+mod finite_values;
 mod furnace;
-mod gain;
 mod lobes;
-mod numbers;
 mod reciprocity;

@@ -1,4 +1,4 @@
-//! Light takes every way back as it came, where the models promise it.
+//! Helmholtz reciprocity, where the models promise it.
 
 use super::lobes::{basic, conductor, glass, gold, length};
 use oscura::bsdf::{Beckmann, Bsdf, Lambert, OrenNayar, Phong};
@@ -6,7 +6,7 @@ use oscura::color::Rgb;
 use oscura::sampling::chi2::Random;
 use oscura::scene::EnergyCompensation;
 
-/// f of both ways, for reflection: |cos| on the other side makes them comparable.
+/// f in both directions, for reflection: |cos| of the other side makes them comparable.
 #[test]
 fn reflection_is_reciprocal() {
     let mut random = Random::new(2);
@@ -29,7 +29,7 @@ fn reflection_is_reciprocal() {
     }
 }
 
-/// Radiance that crosses into a medium of index n shrinks by n^2: f(wo, wi) n_i^2 is symmetric (Veach 1997, eq. 5.14).
+/// Radiance is scaled by 1 / n^2 on entering a medium of index n: f(wo, wi) n_i^2 is symmetric (Veach 1997, eq. 5.14).
 #[test]
 fn transmission_is_reciprocal_up_to_the_index() {
     let mut random = Random::new(3);
@@ -51,9 +51,9 @@ fn transmission_is_reciprocal_up_to_the_index() {
     assert!(compared > 1000, "{compared}");
 }
 
-/// What is not: the reason is in the docs of each (energy first). The test notices if that changes.
+/// Non-reciprocal models: the reason is in the docs of each (energy conservation first). The test fails if that changes.
 #[test]
-fn compensated_and_layered_materials_are_not() {
+fn compensated_and_layered_materials_are_not_reciprocal() {
     let mut random = Random::new(4);
     let solid = glass(1.5, 0.8, false, [1.0; 3], EnergyCompensation::On);
     for bsdf in [conductor(0.8, EnergyCompensation::On), basic(0.8, 0.0, 0.0, false), solid] {

@@ -1,4 +1,4 @@
-//! No material returns more than arrives.
+//! No material gains energy.
 
 use super::albedo::{COSINES, ROUGHNESSES, assert_no_gain};
 use super::lobes::{Cases, anisotropy, coat, film, finite, layers, number, pbr, resolved, sheen, through};
@@ -7,17 +7,17 @@ use oscura::sampling::chi2::Random;
 
 #[test]
 fn no_material_gains_energy() {
-    no_material_gains_energy_in(&Cases::each(7));
+    check_no_energy_gain(&Cases::each(7));
 }
 
 #[test]
 #[ignore = "50 seconds"]
 fn no_material_gains_energy_in_all_cases() {
-    no_material_gains_energy_in(&Cases::all());
+    check_no_energy_gain(&Cases::all());
 }
 
-/// Nothing that a file can ask for returns more than arrives.
-fn no_material_gains_energy_in(cases: &Cases) {
+/// No material that a file can describe has an albedo above 1.
+fn check_no_energy_gain(cases: &Cases) {
     let mut all: Vec<(String, Bsdf)> = finite();
     all.extend(layers().into_iter().map(|(name, p)| (name.to_string(), resolved(p))));
     for roughness in ROUGHNESSES {
@@ -45,17 +45,17 @@ fn no_material_gains_energy_in(cases: &Cases) {
 
 #[test]
 fn no_random_material_gains_energy() {
-    no_random_material_gains_energy_in(&Cases::each(29));
+    check_no_energy_gain_of_random_materials(&Cases::each(29));
 }
 
 #[test]
 #[ignore = "4 minutes"]
 fn no_random_material_gains_energy_in_all_cases() {
-    no_random_material_gains_energy_in(&Cases::all());
+    check_no_energy_gain_of_random_materials(&Cases::all());
 }
 
-/// White glTF materials of all kinds: every number random, every layer now and then, to grazing incidence.
-fn no_random_material_gains_energy_in(cases: &Cases) {
+/// White glTF materials of all kinds: random parameters, random layers, down to grazing incidence.
+fn check_no_energy_gain_of_random_materials(cases: &Cases) {
     let mut random = Random::new(11);
     let mut all = Vec::new();
     for i in 0..300 {

@@ -1,4 +1,4 @@
-//! What options choose: scenes, nodes, variants, units of lights, kinds of glass, demanded extensions.
+//! Load options: scenes, nodes, variants, light units, glass, required extensions.
 
 use super::asset::{corners, load_by, triangle_bytes, triangle_with};
 use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
@@ -35,7 +35,7 @@ fn scenes_and_nodes_by_name_or_number() {
     assert_eq!(shown(None, None), Ok(vec![("a".to_string(), DVec3::ZERO)]));
     assert_eq!(shown(Some("second"), None), Ok(vec![("b/c".to_string(), c)]));
     assert_eq!(shown(Some("1"), None), Ok(vec![("b/c".to_string(), c)]));
-    // Alone, a node still stands where its parents put it.
+    // A node alone keeps its world transform.
     assert_eq!(shown(None, Some("c")), Ok(vec![("c".to_string(), c)]));
     for (scene, node, words) in [(Some("x"), None, "0 'first', 1 'second'"), (None, Some("x"), "2 'c'")] {
         let message = shown(scene, node).expect_err("there is none");
@@ -93,7 +93,7 @@ fn light_units() {
     }
 }
 
-/// Is it solid, and does its colour show once in light that has passed all of it?
+/// Is it solid, and is its tint applied once for the whole path through it?
 fn body(loaded: &Loaded) -> (bool, bool) {
     match &loaded.scene.materials[0].model {
         Model::Pbr(p) => (p.has_volume, p.tints_once),
@@ -107,7 +107,7 @@ fn glass_without_a_volume() {
         triangle_with(|a| {
             a["asset"]["generator"] = json!(generator);
             if is_closed {
-                // A second triangle at the place of the first: each edge belongs to two.
+                // A second triangle on the first: each edge belongs to two.
                 let twin = a["meshes"][0]["primitives"][0].clone();
                 a["meshes"][0]["primitives"].as_array_mut().expect("a list").push(twin);
             }
@@ -127,12 +127,12 @@ fn glass_without_a_volume() {
         (Glass::Auto, blender, 0.1, false, true),
         (Glass::Solid, "other", 0.0, false, true),
         (Glass::Thin, blender, 0.0, true, false),
-        // What the file itself declares stays.
+        // What the file declares is kept.
         (Glass::Thin, blender, 0.1, true, true),
     ] {
         let options = GltfOptions { glass, ..GltfOptions::default() };
         let loaded = load(&asset(generator, thickness, is_closed), options).expect("it loads");
-        // A body that the file itself gives has the colour of the specification, at each crossing.
+        // A solid declared in the file is tinted as specified, at each interface.
         let tints_once = solid && thickness == 0.0;
         assert_eq!(body(&loaded), (solid, tints_once), "{glass:?} {generator} {thickness} {is_closed}");
         let guessed = glass == Glass::Auto && generator == blender && thickness == 0.0;
@@ -142,7 +142,7 @@ fn glass_without_a_volume() {
 }
 
 #[test]
-fn blender_materials_that_were_lost_are_diffuse() {
+fn materials_lost_by_blenders_exporter_are_diffuse() {
     let asset = |generator: &str| {
         triangle_with(|a| {
             a["asset"]["generator"] = json!(generator);
@@ -162,7 +162,7 @@ fn blender_materials_that_were_lost_are_diffuse() {
 }
 
 #[test]
-fn demanded_extensions_may_be_ignored_by_force() {
+fn required_extensions_can_be_ignored() {
     let asset = triangle_with(|a| a["extensionsRequired"] = json!(["ACME_x"]));
     let message = load(&asset, GltfOptions::default()).expect_err("it is refused").to_string();
     assert!(message.contains("ACME_x") && message.contains("GltfOptions::force"), "{message}");
@@ -170,7 +170,7 @@ fn demanded_extensions_may_be_ignored_by_force() {
     assert!(loaded.warnings.iter().any(|w| w.message.contains("ACME_x")));
 }
 
-/// The triangles of a box from the origin, outwards.
+/// The triangles of a box at the origin, facing outwards.
 fn box_bytes(size: [f32; 3]) -> Vec<u8> {
     let mut floats: Vec<f32> = Vec::new();
     for axis in 0..3 {
@@ -190,7 +190,7 @@ fn box_bytes(size: [f32; 3]) -> Vec<u8> {
 }
 
 #[test]
-fn flat_panes_become_sheets_where_that_is_wanted() {
+fn flat_panes_become_thin_glass_on_request() {
     let scaled = |size: [f32; 3], scale: &[[f32; 3]], glass: Glass| {
         let bytes = box_bytes(size);
         let mut asset = corners(36, bytes.len());
@@ -223,19 +223,19 @@ fn flat_panes_become_sheets_where_that_is_wanted() {
     let pane = shown([1.0, 2.0, 0.02], Glass::Panes);
     let Model::Pbr(model) = &pane.scene.materials[0].model else { panic!("no glTF material") };
     assert!(!model.has_volume && model.attenuation_distance.is_infinite());
-    // Both crossings' colour, and half the distance's attenuation.
+    // The tint of both interfaces, and the attenuation of half the distance.
     let [r, g, b] = model.base_color.factor;
     assert!((r - 0.81).abs() < 1e-5 && (g - 0.5).abs() < 1e-4 && b == 1.0, "{r} {g} {b}");
     assert_eq!((pane.scene.meshes[0].triangles.len(), pane.scene.meshes[0].parts[0].triangle_count), (2, 2));
     let messages = pane.notes.iter().find(|n| n.code == "glass-panes").expect("it is said");
     assert!(messages.message.contains("'window'") && messages.message.contains("0.020 m"), "{messages}");
-    // Other bodies stay, and so do panes that nobody asked about.
+    // Other solids stay, and panes stay without the option.
     for (size, glass) in [([1.0, 1.0, 0.5], Glass::Panes), ([1.0, 2.0, 0.02], Glass::Auto)] {
         let loaded = shown(size, glass);
         let Model::Pbr(model) = &loaded.scene.materials[0].model else { panic!("no glTF material") };
         assert!(model.has_volume && loaded.scene.meshes[0].triangles.len() == 12);
     }
-    // A cube that its node flattens is a pane, in copies as well unless they are flat another way.
+    // A cube flattened by its node is a pane; instances as well, unless flattened along another axis.
     let (flat, thick) = ([2.0, 1.0, 0.02], [2.0, 1.0, 0.5]);
     for (scales, triangles) in [
         (&[flat][..], 2),

@@ -1,4 +1,4 @@
-//! Our readers against others: `tobj` for OBJ, `image` for pictures, and the official validator's reports for glTF.
+//! Our readers against others: `tobj` for OBJ, `image` for images, and the official validator's reports for glTF.
 
 use crate::files::load_files;
 use crate::skip::skip;
@@ -15,7 +15,7 @@ fn load_file(path: &Path) -> Loaded {
     load(path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Files of a folder of the data that doesn't ship, by extension; says so where it is absent.
+/// Files of a test data folder outside the repository, by extension; reports where it is absent.
 fn shared(inside: &str, extension: &str) -> Vec<PathBuf> {
     let shared = std::env::var_os("OSCURA_SHARED")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
@@ -39,14 +39,14 @@ fn shared(inside: &str, extension: &str) -> Vec<PathBuf> {
     files
 }
 
-/// A corner as numbers that can be compared: position, normal and texture coordinates, as far as the file has them.
+/// A comparable vertex: position, normal and texture coordinates, where present.
 type Corner = Vec<u32>;
 
 fn corner(parts: &[&[f32]]) -> Corner {
     parts.iter().flat_map(|part| part.iter().map(|v| (v + 0.0).to_bits())).collect()
 }
 
-/// The triangles that `tobj` finds, each from its smallest corner on, in order.
+/// The triangles of `tobj`, each starting at its smallest vertex, sorted.
 fn triangles_by_tobj(path: &Path) -> Vec<[Corner; 3]> {
     let options = tobj::LoadOptions { triangulate: true, single_index: true, ..Default::default() };
     let (models, _) = tobj::load_obj(path, &options).expect("tobj reads it");
@@ -68,7 +68,7 @@ fn triangles_by_tobj(path: &Path) -> Vec<[Corner; 3]> {
     list
 }
 
-/// The same triangles as our reader gives them.
+/// The same triangles of our reader.
 fn triangles_of(path: &Path) -> Vec<[Corner; 3]> {
     let scene = load_file(path).scene;
     let mut list = Vec::new();
@@ -91,7 +91,7 @@ fn turned(mut corners: [Corner; 3]) -> [Corner; 3] {
     corners
 }
 
-/// Triangles and squares of a random field, with unit normals and texture coordinates, indices from both ends.
+/// Triangles and squares of random terrain, with unit normals and texture coordinates, indices from both ends.
 fn field() -> String {
     const N: i64 = 12;
     let mut random = SplitMix64::new(7);
@@ -121,10 +121,10 @@ fn field() -> String {
     text
 }
 
-/// `tobj` splits a square along its first corner; ours may choose the other diagonal, so that squares are flat triangles
-/// of the same corners.
+/// `tobj` splits a square along its first vertex; ours may choose the other diagonal, so squares are planar triangles with the
+/// same corner attributes.
 #[test]
-fn obj_files_hold_what_tobj_finds_in_them() {
+fn obj_files_match_tobj() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("triangles.obj");
     let triangles: String = field()
@@ -136,7 +136,7 @@ fn obj_files_hold_what_tobj_finds_in_them() {
     let (ours, theirs) = (triangles_of(&path), triangles_by_tobj(&path));
     assert!(theirs.len() > 50);
     assert_eq!(ours, theirs);
-    // Positions alone where a model has no normals: ours may make some.
+    // Positions only where a model has no normals: ours may compute some.
     for path in shared("data/models", "obj") {
         let positions = |list: Vec<[Corner; 3]>| {
             let mut list: Vec<[Corner; 3]> =
@@ -167,9 +167,9 @@ fn texels(name: &str, bytes: &[u8]) -> oscura::image::Image {
     loaded.unwrap_or_else(|e| panic!("{e}")).scene.images.remove(0)
 }
 
-/// Pictures of noise in every format and depth that can be written here, read by `image` and by us.
+/// Noise in every format and bit depth that can be written here, read by `image` and by us.
 #[test]
-fn pictures_hold_what_image_finds_in_them() {
+fn images_match_the_image_crate() {
     let mut random = SplitMix64::new(3);
     let mut byte = move || (random.next_bits() >> 56) as u8;
     let (w, h) = (13, 7);
@@ -221,7 +221,7 @@ fn pictures_hold_what_image_finds_in_them() {
     }
 }
 
-/// Errors of the validator's that a renderer may pass over, with the reason.
+/// Validator errors that a renderer may ignore, with the reason.
 const NOT_OURS: &[(&str, &str)] = &[
     ("MESH_PRIMITIVE_ATTRIBUTES_ACCESSOR_UNSIGNED_INT", "of an attribute that is not read"),
     ("MESH_PRIMITIVE_INVALID_ATTRIBUTE", "of an attribute that is not read"),
@@ -234,10 +234,10 @@ const NOT_OURS: &[(&str, &str)] = &[
     ("ACCESSOR_INDEX_PRIMITIVE_RESTART", "the index is that of a vertex, which is there"),
 ];
 
-/// The validator's own files that break a rule about meshes show nothing; with all their meshes in a scene, each is refused
-/// or gives a warning, except for the errors listed above.
+/// The validator's own files that violate a mesh rule show nothing; with all their meshes in a scene, each is refused or gives a
+/// warning, except for the errors listed above.
 #[test]
-fn what_the_validator_refuses_is_noticed_here() {
+fn validator_errors_are_detected() {
     let folder = tempfile::tempdir().expect("a folder");
     let (mut refused, mut warned, mut silent) = (0, 0, Vec::new());
     let files = shared("data/gltf-validator", "gltf");
@@ -267,7 +267,7 @@ fn what_the_validator_refuses_is_noticed_here() {
         std::fs::write(&shown, asset.to_string()).expect("written");
         match load(&shown, &LoadOptions::default()) {
             Err(_) => refused += 1,
-            // What is only said about the picture as a whole names no place.
+            // Messages about the whole picture have no location.
             Ok(loaded) if loaded.warnings.iter().any(|w| w.file.is_some()) => warned += 1,
             Ok(_) => silent.push((path.file_name().expect("a name").to_owned(), errors[0].to_string())),
         }

@@ -1,4 +1,4 @@
-//! Small faults of the programs that write OBJ, MTL and PLY files.
+//! Minor errors of programs that write OBJ, MTL and PLY files.
 
 use super::{load_files, load_ply};
 use oscura::color::linear_from_srgb;
@@ -19,7 +19,7 @@ fn obj(text: &str) -> Loaded {
 }
 
 #[test]
-fn colours_of_bytes_are_reported_from_shares() {
+fn byte_colours_in_float_properties_are_reported() {
     let bytes = obj("v 0 0 0 255 0 0\nv 1 0 0 0 188 0\nv 0 1 0 0 0 0\nf 1 2 3\n");
     let colors = &bytes.scene.meshes[0].colors;
     assert!(
@@ -39,7 +39,7 @@ fn colours_of_bytes_are_reported_from_shares() {
         );
         let ply = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
         let color = ply.scene.meshes[0].colors[2];
-        // 16 bits have a range of their own.
+        // 16-bit colours have their own range.
         let expected = if kind == "ushort" {
             linear_from_srgb(188.0 / 65535.0)
         } else {
@@ -50,7 +50,7 @@ fn colours_of_bytes_are_reported_from_shares() {
 }
 
 #[test]
-fn colours_of_faces_are_read() {
+fn face_colours_load() {
     let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement \
                 face 2\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\nproperty uchar \
                 blue\nend_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3 0 0 255\n";
@@ -67,7 +67,7 @@ fn colours_of_faces_are_read() {
 }
 
 #[test]
-fn what_is_no_number_is_repaired() {
+fn invalid_numbers_are_repaired() {
     let normals = "vn -nan(ind) 1.#QNAN -1.#IND\nvn 0 0 1\n";
     let loaded =
         obj(&format!("{TRIANGLE}vt 1.#IND 0\n{normals}v 1 1 1.#INF\nf 1/1/1 2/2/2 3/1/2\nf 1 2 4\n"));
@@ -81,7 +81,7 @@ fn what_is_no_number_is_repaired() {
 }
 
 #[test]
-fn faces_with_missing_vertices_are_left_out() {
+fn faces_with_missing_vertices_are_dropped() {
     let loaded = obj(&format!("{TRIANGLE}f 1 2 3\nf 1 2 9\nf 0 1 2\n"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
     assert!(messages(&loaded).contains("line 6: 2 "), "{}", messages(&loaded));
@@ -101,7 +101,7 @@ fn with_library(library: &str) -> (Material, String) {
 }
 
 #[test]
-fn textures_are_found_however_the_library_spells_them() {
+fn textures_are_found_in_any_notation() {
     for map in [
         "my map.png -bm 1",
         "\"my map.png\"",
@@ -116,15 +116,15 @@ fn textures_are_found_however_the_library_spells_them() {
     let (material, messages) = with_library("newmtl a\nmap_Ka my map.png\n");
     let Model::Lambert { albedo } = material.model else { panic!("not diffuse") };
     assert!(albedo.texture.is_some() && messages.contains("'map_Ka'"), "{messages}");
-    // Beside a colour it is left out: silently if it is the same image, as most exporters write it.
+    // Next to a colour it is ignored: silently if it is the same image, as most exporters write it.
     let both = |ambient: &str| with_library(&format!("newmtl a\nmap_Kd my map.png\nmap_Ka {ambient}\n")).1;
     assert_eq!(both("-s 2 2 my map.png"), "");
     assert!(both("occlusion.png").contains("'map_Ka' is ignored"), "{}", both("occlusion.png"));
 }
 
-/// What MeshLab calls transparency is opacity, and what would hide the whole model isn't meant.
+/// MeshLab writes opacity as transparency; a value that hides the whole model is not intended.
 #[test]
-fn transparency_that_hides_everything_is_opacity() {
+fn inverted_transparency_is_detected() {
     for library in [
         "# Converted by Meshlab Group\nnewmtl a\nTr 1.000000\nnewmtl b\nTr 0.5\n",
         "newmtl a\nTr 1\nnewmtl b\nTr 1.0\n",
@@ -138,7 +138,7 @@ fn transparency_that_hides_everything_is_opacity() {
 }
 
 #[test]
-fn libraries_that_nothing_names_or_uses_are_hinted_at() {
+fn unreferenced_mtl_files_are_reported() {
     let faces = "f 1 2 3\n";
     let library = b"newmtl a\nKd 0.25 0.5 0.75\n";
     let load =

@@ -1,4 +1,4 @@
-//! What Blender's own exporter leaves out: it is said by name, and files beside the model make up for it.
+//! Losses of Blender's own exporter: reported by name, and restored by sidecars.
 
 use super::asset::{load_by, triangle_bytes, triangle_with};
 use oscura::load::{BlenderExport, LoadOptions, Loaded};
@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 const BLENDER: &str = "Khronos glTF Blender I/O v5.0.21";
 
-/// A TGA picture of two pixels with alpha 255 and `alpha`, as a data URI.
+/// A TGA image of two pixels with alpha 255 and `alpha`, as a data URI.
 fn picture(alpha: u8) -> String {
     use base64::Engine;
     let mut bytes = vec![0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 2, 0, 1, 0, 32, 8];
@@ -16,7 +16,7 @@ fn picture(alpha: u8) -> String {
     format!("data:image/x-tga;base64,{}", base64::engine::general_purpose::STANDARD.encode(bytes))
 }
 
-/// A room as Blender exports it: objects of a white, a lost, a leafy and an ordinary material, two lamps, a camera.
+/// A room as Blender exports it: objects with a white, a lost, a foliage and an ordinary material, two lights, a camera.
 fn room(generator: &str, alpha: u8) -> Value {
     triangle_with(|a| {
         a["asset"]["generator"] = json!(generator);
@@ -40,7 +40,7 @@ fn room(generator: &str, alpha: u8) -> Value {
         };
         a["meshes"] = json!((0..7).map(with).collect::<Vec<_>>());
         a["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]);
-        // The fog's triangle is turned and scaled so that the box around it holds the camera.
+        // The fog's triangle is rotated and scaled so that its bounding box contains the camera.
         a["nodes"] = json!([
             {"name": "Table", "mesh": 0},
             {"name": "Fog", "mesh": 1, "scale": [20, 20, 20], "translation": [-5, -5, -5],
@@ -83,17 +83,17 @@ fn losses_are_reported_by_name() {
         assert!(warned.iter().any(|w| w.contains(words)), "'{words}' is not in {warned:#?}");
     }
     assert_eq!(loaded.notes.iter().filter(|n| n.code == "blender-exporter-limits").count(), 1);
-    // Nobody else's files are judged by what Blender does.
+    // Files of other exporters are not checked for Blender's losses.
     let other = load(&room("other", 128), None);
     assert!(other.blender.is_none() && !other.warnings.iter().any(|w| w.code == "lost-color"));
     assert!(!other.notes.iter().any(|n| n.code == "blender-exporter-limits"));
-    // Alpha that is 1 everywhere is no loss.
+    // Constant alpha of 1 is no loss.
     let opaque = load(&room(BLENDER, 255), None).blender.expect("by Blender");
     assert!(opaque.unused_alpha.is_empty());
 }
 
 #[test]
-fn a_file_beside_the_model_changes_its_materials_and_objects() {
+fn sidecar_changes_materials_and_objects() {
     let toml = "[materials.Wood]\nbase_color = [0.3, 0.2, 0.1]\nroughness = 0.25\n\
                 [materials.Leaf]\nalpha = \"mask\"\nclearcoat = 0.5\n\
                 [materials.\"Fog.001\"]\ntype = \"lambert\"\ncolor = 0.1\n\
@@ -124,7 +124,7 @@ fn a_file_beside_the_model_changes_its_materials_and_objects() {
     assert_eq!(of("Floor"), Some(Some(material("Wood").0)));
     assert_eq!(of("Table"), Some(None));
 
-    // Among further objects a node is named by a key.
+    // In `objects`, a node is referenced by a key.
     let toml = "[[objects]]\nnode = \"Fog\"\nhidden = true\n\
                 [[objects]]\nsphere = { center = [0, 1, 0], radius = 0.1 }\nmaterial = \"Wood\"\n";
     let scene = load(&room(BLENDER, 128), Some(toml)).scene;
@@ -134,7 +134,7 @@ fn a_file_beside_the_model_changes_its_materials_and_objects() {
 }
 
 #[test]
-fn misspelt_names_of_a_model_are_reported() {
+fn misspelt_names_are_reported() {
     let fails = |toml: &str, words: &str| {
         let files: [(&str, &[u8]); 2] = [("a.bin", &triangle_bytes()), ("a.oscura.toml", toml.as_bytes())];
         let error =

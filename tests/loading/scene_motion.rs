@@ -18,13 +18,13 @@ fn read(text: &str) -> Loaded {
 }
 
 #[test]
-fn even_motion_is_so_much_a_frame() {
+fn linear_motion_per_frame() {
     let loaded = read(&format!("{HEAD}{BALL}motion = {{ translate = [4, 0, 0] }}\n"));
     let moving = &loaded.scene.motion.shapes[&0];
     let places: Vec<DVec3> = moving.keys.iter().map(|key| key.translation).collect();
     assert_eq!(places, [DVec3::NEG_X, DVec3::X]);
     assert_eq!((loaded.scene.shapes[0].center, moving.neighbours), (DVec3::new(1.0, 2.0, 3.0), None));
-    // A quarter turn about the middle of a cube, as many keys as it needs.
+    // A quarter turn about the centre of a cube, with as many keys as needed.
     let turn = "motion = { rotate = { axis = [0, 0, 1], angle = 180, center = [1, 1, 0] } }\n";
     let loaded = read(&format!("{HEAD}box = {{ min = [0, 0, 0], max = [2, 2, 2] }}\n{turn}"));
     let (instance, motion) = (&loaded.scene.instances[0], &loaded.scene.motion.instances[0]);
@@ -38,7 +38,7 @@ fn even_motion_is_so_much_a_frame() {
 }
 
 #[test]
-fn keys_hold_before_the_first_and_after_the_last() {
+fn keyframes_extrapolate_as_constants() {
     let motion =
         "motion = { keys = [{ frame = 0 }, { frame = 0.125, transform = [{ translate = [2, 0, 0] }] }] }\n";
     let loaded =
@@ -48,9 +48,9 @@ fn keys_hold_before_the_first_and_after_the_last() {
     assert_eq!([at(0.0), at(0.5), at(0.625), at(0.75), at(1.0)], [0.0, 0.0, 1.0, 2.0, 2.0]);
 }
 
-/// Frame N of a sequence has what moves where it is then.
+/// Frame N of a sequence has moving objects at their positions of that time.
 #[test]
-fn sequences_move_objects_on() {
+fn sequences_advance_motion() {
     let mut options = LoadOptions::default();
     options.gltf.time_s = Some(3.0 / 24.0);
     options.shutter = ShutterOptions { vectors: true, ..ShutterOptions::default() };
@@ -64,7 +64,7 @@ fn sequences_move_objects_on() {
 }
 
 #[test]
-fn a_closed_shutter_is_no_motion() {
+fn closed_shutter_has_no_motion() {
     let closed = HEAD.replace("shutter = 0.5", "shutter = 0");
     let loaded = read(&format!("{closed}{BALL}motion = {{ translate = [4, 0, 0] }}\n"));
     let plain = read(&format!("{closed}{BALL}"));
@@ -74,7 +74,7 @@ fn a_closed_shutter_is_no_motion() {
 }
 
 #[test]
-fn what_is_no_motion_says_so() {
+fn invalid_motion_is_reported() {
     for (motion, complaint) in [
         ("{}", "'translate', 'rotate' or 'keys'"),
         ("{ keys = [] }", "'keys'"),
@@ -93,9 +93,9 @@ fn what_is_no_motion_says_so() {
     assert!(read_by(&format!("{negative}{BALL}"), &LoadOptions::default()).is_err());
 }
 
-/// What samples emissive spheres asks for round ones.
+/// Sampling of spherical lights requires uniform scale.
 #[test]
-fn spheres_that_shine_become_meshes_where_they_are_stretched() {
+fn nonuniformly_scaled_emissive_spheres_become_meshes() {
     let glowing = HEAD.replace("\"lambert\"", "\"emissive\", radiance = [1, 1, 1]");
     let stretch = |scale: &str| {
         format!(
@@ -122,7 +122,7 @@ fn spheres_that_shine_become_meshes_where_they_are_stretched() {
     }
 }
 
-/// A node that goes by (8, 0, 0) in a second, which is 24 frames.
+/// A node that moves by (8, 0, 0) in a second, which is 24 frames.
 const LAMP: &str = r#"{
     "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"name": "Lamp", "translation": [7, 7, 7]}],
     "animations": [{
@@ -137,7 +137,7 @@ const LAMP: &str = r#"{
     "buffers": [{"byteLength": 32, "uri": "data:application/octet-stream;base64,AAAAAAAAgD8AAAAAAAAAAAAAAAAAAABBAAAAAAAAAAA="}]
 }"#;
 
-/// Lights of the file beside a model move along with the nodes where they stand.
+/// Sidecar lights move with their nodes.
 #[test]
 fn lights_move_with_their_nodes() {
     let with = |light: &str, frames: f64| {
@@ -165,7 +165,7 @@ fn lights_move_with_their_nodes() {
     assert!(with("spot = { node = \"Lamp\", power = 1 }", 0.0).lights[0].motion.is_none());
 }
 
-/// Cameras and lights of scene files move by the same key.
+/// Cameras and lights of scene files use the same `motion` key.
 #[test]
 fn cameras_and_lights_move() {
     let motion = "motion = { translate = [0, 4, 0], rotate = { axis = [0, 1, 0], angle = 20 } }\n";
@@ -217,7 +217,7 @@ fn cameras_and_lights_move() {
 }
 
 #[test]
-fn cameras_and_lights_neither_grow_nor_follow_two() {
+fn invalid_motion_of_cameras_and_lights() {
     let grows = "motion = { keys = [{ frame = 0 }, { frame = 1, transform = [{ scale = 2 }] }] }\n";
     let camera = HEAD.replace("shutter = 0.5\n", &format!("shutter = 0.5\n{grows}"));
     let light = format!("{HEAD}{BALL}[[lights]]\npoint = {{ position = [0, 0, 0], power = 1 }}\n{grows}");
@@ -227,18 +227,18 @@ fn cameras_and_lights_neither_grow_nor_follow_two() {
     }
 }
 
-/// By a transform, cameras and lights stand and move as by positions and directions, and area lights grow.
+/// Transforms place and move cameras and lights as positions and directions do, and scale area lights.
 #[test]
 fn transforms_place_cameras_and_lights() {
     let motion =
         "motion = { keys = [{ frame = 0 }, { frame = 1, transform = [{ translate = [0, 4, 0] }] }] }\n";
-    // Towards -x, with y upwards.
+    // Towards -x, with y up.
     let turned = "transform = [{ scale = [2, 3, 1] }, { euler = [0, 90, 0] }, { translate = [3, 0, 0] }]\n";
     let lit = |light: &str, place: &str| {
         let scene = read(&format!("{HEAD}{BALL}[[lights]]\nname = \"l\"\n{light}\n{place}{motion}")).scene;
         format!("{:?} {:?} {:?} {:?}", scene.lights, scene.quads, scene.shapes, scene.motion)
     };
-    // Up to what a quarter turn leaves of a direction by rounding.
+    // Up to rounding of a quarter turn.
     let rounded = |text: String| text.replace("2.220446049250313e-16", "0.0").replace("-0.0", "0.0");
     for (shape, own, transformed) in [
         ("point", "position = [3, 0, 0], power = 5", "power = 5"),
@@ -296,9 +296,9 @@ fn transforms_place_cameras_and_lights() {
     }
 }
 
-/// Meshes that deform: the files of `mesh_keys` are their shapes at frames.
+/// Deforming meshes: the files of `mesh_keys` are their shapes at frames.
 #[test]
-fn meshes_deform_from_file_to_file() {
+fn mesh_keys_deform_meshes() {
     let folder = tempfile::tempdir().expect("a folder");
     let ply = |name: &str, x: f64, corners: usize| {
         let mut text = format!("ply\nformat ascii 1.0\nelement vertex {corners}\n");
@@ -330,7 +330,7 @@ fn meshes_deform_from_file_to_file() {
     assert_eq!(moving.keys.iter().map(tip).collect::<Vec<_>>(), [2.5, 3.0, 3.5]);
     assert_eq!(moving.neighbours.as_ref().map(|n| n.each_ref().map(tip)), Some([1.0, 5.0]));
     assert!(scene.instances.iter().all(|instance| matches!(instance.motion, Motion::Keyed(_))));
-    // Half a frame on.
+    // Half a frame later.
     options.gltf.time_s = Some(0.5 / 24.0);
     let scene = read(keys, &options).unwrap_or_else(|e| panic!("{e}")).scene;
     assert_eq!(scene.meshes[scene.instances[0].mesh.index()].positions[2][0], 4.0);
@@ -341,7 +341,7 @@ fn meshes_deform_from_file_to_file() {
     assert!(error.contains("'mesh_keys'"), "{error}");
 }
 
-/// What two keys shear is sheared in between, and at the keys themselves.
+/// Sheared keyframes are interpolated sheared, and exact at the keys.
 #[test]
 fn keys_that_shear_are_kept() {
     let sheared = "matrix = [1, 0.5, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]";

@@ -1,4 +1,4 @@
-//! Random materials, directions and numbers, extremes included, give numbers.
+//! Random materials, directions and parameters, extremes included, give finite values.
 
 use super::lobes::{direction, number};
 use oscura::bsdf::{Bsdf, BsdfProgram, Coat, Factors, LocalFrame, ShadingModel};
@@ -9,7 +9,7 @@ use oscura::scene::{
     Iridescence, Model, PbrMaterial, Sheen, SubsurfaceEntry,
 };
 
-/// In 0..1, often an end or just beside it, sometimes a denormal.
+/// In 0..1, often an end or next to it, sometimes a denormal.
 fn unit(random: &mut Random) -> f32 {
     const ENDS: [f32; 7] = [0.0, 1.0, 1e-40, f32::MIN_POSITIVE, 1e-7, 1e-3, 1.0 - f32::EPSILON];
     match random.next() {
@@ -121,7 +121,7 @@ fn bsdf(random: &mut Random) -> Bsdf {
     let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
     let mut bsdf = BsdfProgram::of(&model(random), shading).evaluate(&Factors, &frame);
     if random.next() < 0.1 {
-        // Solids within denser ones.
+        // Solids inside denser ones.
         bsdf = bsdf.with_ior(1.0 / ior(random).max(1.0));
     }
     match bsdf {
@@ -151,7 +151,7 @@ fn view(random: &mut Random) -> Vec3 {
     }
 }
 
-/// Draws; says what went wrong first. No sample may be worth more than `most_weight` times what arrives.
+/// Samples; returns the first failure. No sample weight may exceed `most_weight`.
 fn draws(seed: u64, count: u32, most_weight: f32) -> Result<f32, String> {
     let mut random = Random::new(seed);
     let below_one = 1.0f32.next_down();
@@ -181,7 +181,7 @@ fn draws(seed: u64, count: u32, most_weight: f32) -> Result<f32, String> {
         {
             return fail("side");
         }
-        // Radiance that leaves a dense medium grows by the square of the index.
+        // Radiance that leaves a dense medium is scaled by the squared index.
         let weight = s.weight.max_element() * s.eta.min(1.0).powi(2);
         if weight > most_weight {
             return fail("large weight");
@@ -199,7 +199,7 @@ fn draws(seed: u64, count: u32, most_weight: f32) -> Result<f32, String> {
 }
 
 #[test]
-fn a_million_random_materials_and_directions_give_numbers() {
+fn a_million_random_samples_are_finite() {
     let largest = draws(3, 1_000_000, 1e3).unwrap_or_else(|e| panic!("{e}"));
     println!("largest weight {largest}");
 }
@@ -207,8 +207,8 @@ fn a_million_random_materials_and_directions_give_numbers() {
 /// `cargo test --release --test statistics -- --ignored`: two minutes.
 #[test]
 #[ignore = "two minutes"]
-fn a_hundred_million_draws_give_numbers() {
-    // Among a hundred times as many, rarer ones weigh more.
+fn a_hundred_million_random_samples_are_finite() {
+    // A hundred times as many samples include rarer, larger weights.
     let largest = (0..100).map(|seed| draws(100 + seed, 1_000_000, 1e5).unwrap_or_else(|e| panic!("{e}")));
     println!("largest weight {}", largest.fold(0.0, f32::max));
 }

@@ -1,4 +1,4 @@
-//! Profiles of luminaires (IES LM-63), in scene files and by EXT_lights_ies in glTF.
+//! Photometric profiles (IES LM-63), in scene files and by EXT_lights_ies in glTF.
 
 use crate::files::load_files;
 use crate::gltf::asset::{triangle_bytes, triangle_with};
@@ -9,7 +9,7 @@ use oscura::scene::{Light, LightKind};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
-/// 1366 candela in the lower half, which is 2 W/sr; nothing above.
+/// 1366 candela in the lower hemisphere, which is 2 W/sr; nothing above.
 const HALF: &str = "IESNA:LM-63-1995\nTILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1\n0 90\n0\n1366 1366\n";
 
 fn with_files(name: &str, content: &str, ies: &str, more: &[(&str, &[u8])]) -> Result<Loaded, Error> {
@@ -29,14 +29,14 @@ fn light(text: &str) -> Light {
     lit(text, HALF).unwrap_or_else(|e| panic!("{e}")).scene.lights.remove(0)
 }
 
-/// The place of a profiled light, where it shines, and where its horizontal angle 0 lies.
+/// Position, axis and direction of horizontal angle 0 of a light with a profile.
 fn placed(light: &Light) -> (DVec3, DVec3, DVec3, Option<[f64; 2]>) {
     let LightKind::Profiled { position, rotation, cone } = light.kind else { panic!("{light:?}") };
     (position, rotation * DVec3::NEG_Z, rotation * DVec3::X, cone)
 }
 
 #[test]
-fn scene_files_give_points_and_spots_a_profile() {
+fn profiles_of_point_and_spot_lights() {
     let own = light("point = { position = [1, 2, 3], ies = \"lamp.ies\" }\ncolor = [1, 0.5, 0]");
     assert!((own.intensity[0] - 2.0).abs() < 1e-6 && (own.intensity[1] - 1.0).abs() < 1e-6);
     let profile = own.profile.as_ref().expect("a profile");
@@ -64,7 +64,7 @@ fn scene_files_give_points_and_spots_a_profile() {
 }
 
 #[test]
-fn damaged_profiles_are_named_with_their_light() {
+fn damaged_profiles_are_reported_with_their_light() {
     let point = "point = { position = [0, 4, 0], ies = \"lamp.ies\" }";
     for (light, ies, words) in [
         (point, "nothing", "'TILT='"),
@@ -87,7 +87,7 @@ fn lamps(extension: Value, node: Value) -> Value {
         a["extensions"] = json!({"EXT_lights_ies": {"lights": [extension]}});
         a["nodes"][0]["extensions"] = json!({"EXT_lights_ies": node});
         a["nodes"][0]["translation"] = json!([1, 2, 3]);
-        // -z goes to -y.
+        // -z is rotated to -y.
         a["nodes"][0]["rotation"] = json!(DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2).to_array());
     })
 }
@@ -99,7 +99,7 @@ fn load_lamps(asset: &Value) -> Result<Loaded, Error> {
 }
 
 #[test]
-fn gltf_has_lights_with_profiles() {
+fn gltf_lights_with_profiles() {
     let mut in_buffer = lamps(
         json!({"bufferView": 2, "mimeType": "application/x-ies-lm-63"}),
         json!({"light": 0, "multiplier": 0.5, "color": [1, 0.5, 7]}),
@@ -122,16 +122,16 @@ fn gltf_has_lights_with_profiles() {
     }
 }
 
-/// One problem: the other keys of the light are known all the same.
+/// A single problem: other keys of the light stay known.
 #[test]
-fn a_broken_profile_is_the_only_problem() {
+fn damaged_profile_is_the_only_problem() {
     let point = "point = { position = [1, 2, 3], ies = \"lamp.ies\", power = 5 }";
     let message = lit(point, "IESNA:LM-63-1995\n").expect_err("no profile").to_string();
     assert!(message.contains("lamp.ies") && !message.contains("power"), "{message}");
 }
 
 #[test]
-fn broken_lights_with_profiles_are_named() {
+fn invalid_gltf_profiles_are_reported() {
     let file = json!({"uri": "lamp.ies"});
     for (asset, words) in [
         (lamps(file.clone(), json!({})), "EXT_lights_ies/light: is missing"),
@@ -148,7 +148,7 @@ fn broken_lights_with_profiles_are_named() {
     }
 }
 
-/// The file of the triangle alone is no profile.
+/// The binary file of the triangle is not a profile.
 fn without_text(mut asset: Value) -> Value {
     asset["extensions"]["EXT_lights_ies"]["lights"][0] = json!({"bufferView": 0});
     asset

@@ -1,4 +1,4 @@
-//! Coordinates beyond the precision of single floats and point clouds of OBJ files.
+//! Coordinates beyond single precision and point clouds of OBJ files.
 
 use super::*;
 use crate::files::load_files_by;
@@ -6,7 +6,7 @@ use oscura::Renderer;
 use oscura::glam::DVec3;
 use oscura::load::stage::StageOptions;
 
-/// Corners of a roof, metres; all have few enough binary digits to be exact beside the origin.
+/// Vertices of a roof, in metres; exact in single precision near the origin.
 const ROOF: [[f64; 3]; 6] = [
     [0.25, 0.0, 0.125],
     [9.75, -0.375, 0.0],
@@ -16,10 +16,10 @@ const ROOF: [[f64; 3]; 6] = [
     [9.25, 3.75, 5.625],
 ];
 const FACES: [&[u32]; 5] = [&[0, 1, 5, 4], &[2, 3, 4, 5], &[3, 0, 4], &[1, 2, 5], &[3, 2, 1, 0]];
-/// A file of it at a place.
+/// A file of it at a position.
 type Content = fn(DVec3) -> Vec<u8>;
 
-/// Where UTM has it.
+/// A typical UTM position.
 const PLACE: DVec3 = DVec3::new(512_345.0, 4_512_345.0, 0.0);
 
 fn obj(place: DVec3) -> Vec<u8> {
@@ -35,7 +35,7 @@ fn obj(place: DVec3) -> Vec<u8> {
     text.into_bytes()
 }
 
-/// Binary with doubles, or ascii with what calls itself floats.
+/// Binary with doubles, or ascii declared as floats.
 fn ply(place: DVec3, is_binary: bool) -> Vec<u8> {
     let (format, kind) = if is_binary { ("binary_big_endian", "double") } else { ("ascii", "float") };
     let mut out = format!(
@@ -75,16 +75,16 @@ fn on_stage(name: &str, content: &[u8]) -> Loaded {
 }
 
 #[test]
-fn models_far_away_are_those_near_by_bit_for_bit() {
+fn distant_models_match_near_ones_bitwise() {
     let files: [(&str, Content); 3] =
         [("a.obj", obj), ("b.ply", |p| ply(p, true)), ("c.ply", |p| ply(p, false))];
     for (name, content) in files {
         let (far, near) = (on_stage(name, &content(PLACE)), on_stage(name, &content(DVec3::ZERO)));
-        // Turned upright with the model.
+        // Rotated upright with the model.
         assert!((far.offset - DVec3::new(512_350.0, 0.0, -4_512_349.0)).length() < 10.0, "{}", far.offset);
         assert_eq!(near.offset, DVec3::ZERO);
         assert!(far.notes.iter().any(|n| n.message.contains("(5123")), "{name}: {:?}", far.notes);
-        // The middle is rounded to whole metres: the nearby file around the same origin.
+        // The centre is rounded to whole metres: the nearby file around the same origin.
         let middle = DVec3::new(far.offset.x, -far.offset.z, 0.0) - PLACE;
         let around = on_stage(name, &content(-middle));
         assert_eq!(far.scene.meshes[0].positions, around.scene.meshes[0].positions, "{name}");
@@ -101,13 +101,13 @@ fn models_far_away_are_those_near_by_bit_for_bit() {
 }
 
 #[test]
-fn models_at_some_distance_stay_as_they_are() {
+fn moderately_distant_models_are_unchanged() {
     let loaded = on_stage("a.obj", &obj(DVec3::new(100.0, -200.0, 50.0)));
     assert_eq!(loaded.offset, DVec3::ZERO);
 }
 
 #[test]
-fn points_of_obj_files_are_spheres_in_their_colours() {
+fn obj_points_are_coloured_spheres() {
     let text = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 1 0 0\nv 9 9 9\np 1 2\np -2/1\n";
     let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;

@@ -1,4 +1,4 @@
-//! Small faults of exporters: what is wrong is repaired or left out, with a warning, and the rest is there.
+//! Minor exporter errors: repaired or skipped with a warning, and everything else loads.
 
 use super::asset::{corners, floats, load_triangle, load_with, triangle_bytes, triangle_with};
 use super::materials::RED;
@@ -9,7 +9,7 @@ use oscura::math::DVec3;
 use oscura::scene::Scene;
 use serde_json::{Value, json};
 
-/// The triangle with a picture for its colour.
+/// The triangle with a base colour texture.
 fn textured(uri: &str) -> Value {
     triangle_with(|a| {
         a["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
@@ -23,8 +23,8 @@ fn messages(loaded: &Loaded) -> String {
     loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| format!("{w} [{}]\n", w.code)).collect()
 }
 
-/// The loaded triangle, and that it has lost its picture and nothing else; with what was reported.
-fn without_picture(asset: &Value, name: &str, bytes: &[u8]) -> String {
+/// The loaded triangle, which must have lost only its texture; with the messages.
+fn without_texture(asset: &Value, name: &str, bytes: &[u8]) -> String {
     let loaded =
         load_with(asset, &[("a.bin", &triangle_bytes()), (name, bytes)]).unwrap_or_else(|e| panic!("{e}"));
     let Scene { textures, meshes, .. } = &loaded.scene;
@@ -33,7 +33,7 @@ fn without_picture(asset: &Value, name: &str, bytes: &[u8]) -> String {
 }
 
 #[test]
-fn pictures_of_unread_formats_cost_no_more_than_themselves() {
+fn unsupported_image_formats_lose_only_the_texture() {
     for (bytes, what) in [
         (&b""[..], "empty"),
         (b"\0\0\0\x20ftypavif\0\0\0\0", "AVIF"),
@@ -46,13 +46,13 @@ fn pictures_of_unread_formats_cost_no_more_than_themselves() {
         (b"version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
         (b"no picture at all", "image"),
     ] {
-        let messages = without_picture(&textured("p.png"), "p.png", bytes);
+        let messages = without_texture(&textured("p.png"), "p.png", bytes);
         assert!(messages.contains(what) && messages.contains("[texture-missing]"), "{what}: {messages}");
     }
 }
 
 #[test]
-fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
+fn unreachable_images_lose_only_the_texture() {
     for (uri, what) in [
         ("https://example.org/p.jpg", "'https:'"),
         ("file:///C:/textures/other.png", "'file:'"),
@@ -62,7 +62,7 @@ fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
         ("100%.png", "is missing"),
         ("data:image/png;base64,@@", "base64"),
     ] {
-        let messages = without_picture(&textured(uri), "red.png", RED);
+        let messages = without_texture(&textured(uri), "red.png", RED);
         assert!(messages.contains(what), "{uri}: {messages}");
     }
     let beyond = triangle_with(|a| {
@@ -71,12 +71,12 @@ fn pictures_that_cannot_be_reached_cost_no_more_than_themselves() {
         a["images"] = json!([{"bufferView": 2, "mimeType": "image/png"}]);
         a["bufferViews"].as_array_mut().expect("a list").push(json!({"buffer": 0, "byteLength": 999}));
     });
-    assert!(without_picture(&beyond, "red.png", RED).contains("[texture-missing]"));
+    assert!(without_texture(&beyond, "red.png", RED).contains("[texture-missing]"));
 }
 
-/// Paths as other systems write them lead to the file, and it is reported where that is a guess.
+/// Paths in the notation of other systems are resolved, with a report where that is a guess.
 #[test]
-fn pictures_are_found_by_names_that_are_no_uris() {
+fn images_with_invalid_uris_are_found() {
     for uri in
         ["maps\\RED.png", "maps%5Cred.png", "maps/red.png?v=1", "maps/red.png#x", "C:\\me\\maps\\red.png"]
     {
@@ -94,7 +94,7 @@ fn pictures_are_found_by_names_that_are_no_uris() {
 }
 
 #[test]
-fn transforms_that_are_none_are_repaired() {
+fn invalid_transforms_are_repaired() {
     let zero = triangle_with(|a| a["nodes"][0]["rotation"] = json!([0, 0, 0, 0]));
     let loaded = load_triangle(&zero).unwrap_or_else(|e| panic!("{e}"));
     assert!(
@@ -111,7 +111,7 @@ fn transforms_that_are_none_are_repaired() {
     assert!(messages(&loaded).contains("[matrix-overrides]"), "{}", messages(&loaded));
 }
 
-/// A scale of 0 on one axis leaves a flat thing in its place, on two a line, which is nothing.
+/// A scale of 0 on one axis leaves a planar mesh, on two a line, which is dropped.
 #[test]
 fn a_scale_of_zero_flattens() {
     let scaled = |scale: Value| {
@@ -136,7 +136,7 @@ fn a_scale_of_zero_flattens() {
 }
 
 #[test]
-fn one_bad_index_costs_its_triangle() {
+fn invalid_index_drops_only_its_triangle() {
     let mut bytes = triangle_bytes();
     bytes.truncate(36);
     bytes.extend([0, 0, 1, 0, 2, 0, 0, 0, 1, 0, 9, 0].iter());
@@ -151,7 +151,7 @@ fn one_bad_index_costs_its_triangle() {
 }
 
 #[test]
-fn words_for_no_number_in_the_json_become_zero() {
+fn nan_in_json_becomes_zero() {
     let text = triangle_with(|a| {
         a["nodes"][0]["name"] = json!("a \"NaN\", b");
         a["nodes"][0]["translation"] = json!([7777, 1, 8888]);
@@ -166,9 +166,9 @@ fn words_for_no_number_in_the_json_become_zero() {
     assert!(messages(&loaded).contains("[json-not-a-number]"), "{}", messages(&loaded));
 }
 
-/// Points are spheres and lines are rods, in their colours; a bad index costs its primitive alone.
+/// Points load as spheres and lines as cylinders, with their colours; an invalid index drops its primitive only.
 #[test]
-fn points_and_lines_have_bodies() {
+fn points_and_lines_become_spheres_and_cylinders() {
     let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
     bytes.extend(floats(&[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]));
     bytes.extend([0, 1, 1, 2, 7, 0]);
@@ -208,7 +208,7 @@ fn points_and_lines_have_bodies() {
     assert!(messages(&loaded).contains("/primitives/4: "), "{}", messages(&loaded));
 }
 
-/// Unlit models shine in the colours of their vertices.
+/// Unlit models emit their vertex colours.
 #[test]
 fn unlit_vertex_colors_are_kept() {
     let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
@@ -229,13 +229,13 @@ fn unlit_vertex_colors_are_kept() {
     rendering.run();
     let film = rendering.into_picture();
     let [r, g, b, _] = film.film().mean_rgba(1, 1);
-    // The middle of the picture is (0.25, 0.25): half of the first corner's colour and a quarter of the others'.
+    // The centre of the picture is (0.25, 0.25): half of the first vertex colour and a quarter of the others.
     assert!((r - 0.5).abs() < 0.05 && (g - 0.25).abs() < 0.05 && (b - 0.25).abs() < 0.05, "{r} {g} {b}");
 }
 
-/// No surface reflects more light than it gets.
+/// Albedos are clamped to 1.
 #[test]
-fn vertex_colors_beyond_one() {
+fn vertex_colors_above_one_are_clamped() {
     let colored = |values: [f32; 9]| {
         let mut bytes = floats(&[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         bytes.extend(floats(&values));

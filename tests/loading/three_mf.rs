@@ -12,7 +12,7 @@ const RELATIONS: &[u8] = b"<?xml version='1.0'?><Relationships xmlns='r'><Relati
     Target='/x.png'/><Relationship Id='b' Type='http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel' \
     Target='/3D/start.model'/></Relationships>";
 
-/// A right-angled corner of edges of 10.
+/// A tetrahedron corner with edges of length 10.
 const CORNER: &str = "<mesh><vertices><vertex x='0' y='0' z='0'/><vertex x='10' y='0' z='0'/><vertex x='0' y='10' z='0'/>\
     <vertex x='0' y='0' z='10'/></vertices><triangles><triangle v1='0' v2='2' v3='1'/><triangle v1='0' v2='1' v3='3'/>\
     <triangle v1='1' v2='2' v3='3'/><triangle v1='2' v2='0' v3='3'/></triangles></mesh>";
@@ -23,7 +23,7 @@ fn read_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
     load_files_by(&[("a.3mf", package)], &options)
 }
 
-/// A model of resources and a build.
+/// A model with resources and a build.
 fn model(unit: &str, resources: &str, build: &str) -> String {
     format!(
         "<?xml version='1.0' encoding='UTF-8'?>\n<!-- c -->\n<model {unit} xmlns='core' xmlns:m='m' xmlns:p='p'>\n\
@@ -39,18 +39,18 @@ fn good(resources: &str, build: &str) -> Loaded {
     read("", resources, build).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The corner as an object with attributes.
+/// The tetrahedron as an object with attributes.
 fn object(attributes: &str) -> String {
     format!("<object id='1' {attributes}>{CORNER}</object>")
 }
 
-/// What is said of the file itself, not of the stage.
-fn said(loaded: &Loaded) -> Vec<String> {
+/// Messages about the file itself, not about the stage.
+fn messages(loaded: &Loaded) -> Vec<String> {
     loaded.warnings.iter().filter(|w| w.file.is_some()).map(|w| w.message.clone()).collect()
 }
 
 #[test]
-fn objects_stand_where_the_build_puts_them_in_real_units() {
+fn build_items_and_units() {
     for (unit, metres) in [
         ("", 1e-3),
         ("unit='millimeter'", 1e-3),
@@ -62,7 +62,7 @@ fn objects_stand_where_the_build_puts_them_in_real_units() {
     ] {
         let loaded = read(unit, &object(""), "<item objectid='1'/>").unwrap_or_else(|e| panic!("{e}"));
         let scene = &loaded.scene;
-        assert_eq!((scene.meshes.len(), scene.instances.len(), said(&loaded).len()), (1, 1, 0));
+        assert_eq!((scene.meshes.len(), scene.instances.len(), messages(&loaded).len()), (1, 1, 0));
         assert_eq!(scene.instances[0].world_from_object.matrix3, DMat3::from_diagonal(DVec3::splat(metres)));
         let mesh = &scene.meshes[0];
         assert_eq!((mesh.positions.len(), mesh.triangles[0], mesh.colors.len()), (4, [0, 2, 1], 0));
@@ -70,9 +70,9 @@ fn objects_stand_where_the_build_puts_them_in_real_units() {
     assert!(read("unit='mile'", &object(""), "<item objectid='1'/>").is_err());
 }
 
-/// Rows of the file's matrices are what axes become; parents come after children.
+/// The file's matrices are row vectors' images of the axes; parents are applied after children.
 #[test]
-fn components_are_placed_with_their_objects() {
+fn components() {
     let resources = object("name='corner'")
         + "<object id='2'><components><component objectid='1' transform='0 1 0 -1 0 0 0 0 1 5 0 0'/>\
            <component objectid='1'/></components></object>";
@@ -96,9 +96,9 @@ fn materials_and_colours() {
     let of = |object: &str| {
         let loaded = good(&format!("{groups}{object}"), "<item objectid='1'/>");
         assert!(
-            loaded.scene.materials[0].use_vertex_colors && said(&loaded).is_empty(),
+            loaded.scene.materials[0].use_vertex_colors && messages(&loaded).is_empty(),
             "{:?}",
-            said(&loaded)
+            messages(&loaded)
         );
         loaded.scene.meshes[0].clone()
     };
@@ -114,18 +114,18 @@ fn materials_and_colours() {
     let colors = |t: usize| mesh.triangles[t].map(|i| mesh.colors[i as usize]);
     assert_eq!(colors(0), [green, blue, blue]);
     assert_eq!(colors(1), [red; 3]);
-    // What has none is grey beside them, and vertices are split.
+    // Triangles without one are grey, and vertices are split.
     assert_eq!(colors(2), [[0.8, 0.8, 0.8, 1.0]; 3]);
     assert!(mesh.positions.len() > 4 && mesh.triangles.len() == 4 && mesh.parts.len() == 1);
     let transparent = good(
         &(groups.replace("#00FF00", "#00FF0080") + &object("pid='6' pindex='0'")),
         "<item objectid='1'/>",
     );
-    assert_eq!(said(&transparent), ["1 transparent colours are rendered opaque"]);
+    assert_eq!(messages(&transparent), ["1 transparent colours are rendered opaque"]);
 }
 
 #[test]
-fn textures_grow_upwards() {
+fn texture_coordinates_point_up() {
     let picture = include_bytes!("obj_ply/pixel.png");
     let textured = CORNER.replacen("v3='1'/>", "v3='1' pid='9' p1='0' p2='1' p3='2'/>", 1);
     let resources = format!(
@@ -149,12 +149,12 @@ fn textures_grow_upwards() {
     assert_eq!((*wrap_u, *wrap_v, *mapping), (Wrap::Mirror, Wrap::Clamp, Mapping::default()));
     // Without its file only the texture is lost.
     let lost = read_files(&[("3D/start.model", start.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
-    assert!(said(&lost)[0].contains("T.png'"), "{:?}", said(&lost));
+    assert!(messages(&lost)[0].contains("T.png'"), "{:?}", messages(&lost));
 }
 
-/// Slicers keep each object in a part of its own.
+/// Slicers store each object in its own part.
 #[test]
-fn objects_of_other_parts() {
+fn objects_in_other_parts() {
     let start = model("", "", "<item objectid='1' p:path='/3D/Objects/a.model'/>");
     let other = model("unit='millimeter'", &object("type='model'"), "");
     let loaded =
@@ -165,7 +165,7 @@ fn objects_of_other_parts() {
 }
 
 #[test]
-fn faults_have_their_place() {
+fn errors_are_reported_with_their_location() {
     let refusal = |resources: &str, build: &str| read("", resources, build).expect_err("it is refused");
     assert_eq!(code_of(&refusal("", "")), "no-surface");
     let undefined = refusal("", "<item objectid='7'/>");
@@ -195,12 +195,12 @@ fn faults_have_their_place() {
 
     let index = good(&object("").replacen("v2='2'", "v2='9'", 1), "<item objectid='1'/>");
     assert_eq!(index.scene.meshes[0].triangles.len(), 3);
-    assert_eq!(said(&index), ["1 triangles with a missing vertex: left out"]);
+    assert_eq!(messages(&index), ["1 triangles with a missing vertex: left out"]);
     let number = good(&object("").replacen("z='10'", "z='NaN'", 1), "<item objectid='1'/>");
     assert_eq!(number.scene.meshes[0].triangles.len(), 1);
     assert_eq!(number.scene.meshes[0].parts[0].triangle_count, 1);
     let unread = good(&(object("") + "<m:multiproperties id='4'/>"), "<item objectid='1'/>");
-    assert_eq!(said(&unread), ["layered properties are not supported"]);
+    assert_eq!(messages(&unread), ["layered properties are not supported"]);
     let support = good(
         &(object("") + "<object id='3' type='support'><mesh/></object>"),
         "<item objectid='1'/><item objectid='3'/>",

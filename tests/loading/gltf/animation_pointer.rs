@@ -1,8 +1,8 @@
-//! KHR_animation_pointer: materials, textures, lights, cameras and nodes that JSON pointers drive.
+//! KHR_animation_pointer: materials, textures, lights, cameras and nodes animated by JSON pointers.
 
+use super::animation::{at, pointer_target, with_floats};
 use super::asset::{floats, triangle_bytes};
 use super::materials::RED;
-use super::motion::{at, pointer_target, with_floats};
 use crate::files::folder_of;
 use oscura::load::{LoadOptions, Loaded, load_times};
 use oscura::math::DVec3;
@@ -10,7 +10,7 @@ use oscura::scene::{LightKind, Mapping, Model, PbrMaterial, Projection, Quad, Te
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 
-/// Adds a channel over accessors 2 (times) and `output` that drives a pointer.
+/// Adds a channel over accessors 2 (times) and `output` that animates a pointer.
 fn drive(a: &mut Value, pointer: &str, output: usize, interpolation: &str) {
     if a["animations"].is_null() {
         a["animations"] = json!([{"channels": [], "samplers": []}]);
@@ -22,7 +22,7 @@ fn drive(a: &mut Value, pointer: &str, output: usize, interpolation: &str) {
     a["animations"][0]["channels"].as_array_mut().expect("a list").push(channel);
 }
 
-/// Times 0 and 2; then of each number of components 1 to 4, and for splines of one, what holds at them.
+/// Times 0 and 2; then values of 1 to 4 components, and for one a cubic spline.
 const NUMBERS: [f32; 28] = [
     0.0, 2.0, // 2
     0.5, 1.0, // 3: SCALAR
@@ -53,7 +53,7 @@ fn messages(loaded: &Loaded, words: &str) -> bool {
 }
 
 #[test]
-fn materials_change() {
+fn materials_are_animated() {
     let asset = driven(|a| {
         a["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
         a["materials"][0]["extensions"] = json!({"KHR_materials_ior": {"ior": 1.1}});
@@ -76,7 +76,7 @@ fn materials_change() {
     let glow = half.scene.materials[0].emission.expect("it emits").radiance.factor;
     near(&glow, &[3.375; 3]);
     near(&[pbr(&show(&asset, 2.0)).roughness.factor], &[1.0]);
-    // At rest nothing moves.
+    // At rest no motion.
     let rest = at(&asset, &NUMBERS, None).unwrap_or_else(|e| panic!("{e}"));
     near(&pbr(&rest).base_color.factor, &[1.0; 3]);
     near(&[pbr(&rest).ior, pbr(&rest).roughness.factor], &[1.1, 1.0]);
@@ -84,7 +84,7 @@ fn materials_change() {
 }
 
 #[test]
-fn lights_cameras_and_nodes_change() {
+fn lights_cameras_and_nodes_are_animated() {
     let asset = driven(|a| {
         a["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "spot", "intensity": 683}]}});
         a["cameras"] = json!([
@@ -121,9 +121,9 @@ fn lights_cameras_and_nodes_change() {
     assert!(!messages(&half, "is ignored"), "{:?}", half.warnings);
 }
 
-/// The transform of a texture, which the file need not have; and what is seen at all, by bytes 0 and 1.
+/// The texture transform, which the file need not contain; and visibility, by bytes 0 and 1.
 #[test]
-fn textures_move_and_nodes_vanish() {
+fn texture_transforms_and_visibility_are_animated() {
     let mut asset = driven(|a| {
         a["materials"][0]["pbrMetallicRoughness"] = json!({"baseColorTexture": {"index": 0}});
         a["textures"] = json!([{"source": 0}]);
@@ -168,9 +168,9 @@ fn textures_move_and_nodes_vanish() {
     assert_eq!(seen[3], seen[1], "what a moment changed is put back");
 }
 
-/// Areas that emit light, surroundings and profiles, and what concerns interaction alone, in silence.
+/// Area lights, environments and profiles; pointers of interaction extensions are ignored silently.
 #[test]
-fn lights_of_extensions_change() {
+fn extension_lights_are_animated() {
     let asset = driven(|a| {
         a["extensions"]["EXT_lights_area"] =
             json!({"lights": [{"type": "rect", "size": 2, "intensity": 5, "rect": {"aspect": 1}}]});
@@ -183,7 +183,7 @@ fn lights_of_extensions_change() {
     let area = |time_s| {
         let loaded = show(&asset, time_s);
         assert!(!messages(&loaded, "is ignored"), "{:?}", loaded.warnings);
-        // Half the height and half the aspect, then all of both.
+        // Half the height and half the aspect, then full both.
         let [Quad { edge_u, edge_v, .. }] = &loaded.scene.quads[..] else { panic!("no rectangle") };
         edge_u.cross(*edge_v).length()
     };
@@ -192,7 +192,7 @@ fn lights_of_extensions_change() {
 }
 
 #[test]
-fn what_leads_nowhere_stands_still_and_is_named() {
+fn invalid_pointers_are_reported() {
     let pointers = [
         "/materials/0/name",
         "/materials/7/alphaCutoff",
@@ -243,9 +243,9 @@ fn wrong_types_and_lengths_are_problems() {
     assert!(message.contains("KHR_animation_pointer/pointer: is missing"), "{message}");
 }
 
-/// Curves overshoot between keys: a film goes on with a light that is out.
+/// Splines overshoot between keys: a sequence continues with the light off.
 #[test]
-fn lights_that_are_driven_below_zero_are_out() {
+fn negative_light_intensities_are_zero() {
     let mut numbers = NUMBERS;
     numbers[2..4].copy_from_slice(&[1.0, -1.0]);
     let asset = driven(|a| {
@@ -260,9 +260,9 @@ fn lights_that_are_driven_below_zero_are_out() {
     assert!(messages(&dark, "below 0"), "{:?}", dark.warnings);
 }
 
-/// A field of view that a curve leads out of 0 to pi stays between, and the camera is there.
+/// A field of view that a spline leads out of (0, pi) is clamped.
 #[test]
-fn fields_of_view_stay_possible() {
+fn fields_of_view_are_clamped() {
     let mut numbers = NUMBERS;
     numbers[2..4].copy_from_slice(&[1.0, -1.0]);
     let asset = driven(|a| {

@@ -1,4 +1,4 @@
-//! What a file says and the scene doesn't hold is named.
+//! Unsupported contents of files are reported.
 
 use crate::files::{load_files, load_files_by};
 use oscura::load::{LoadOptions, Loaded, load};
@@ -6,7 +6,7 @@ use oscura::scene::Model;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
-/// Loads the first of some files that lie in one folder; the points of point clouds get a radius.
+/// Loads the first of some files in one folder; points of point clouds get a radius.
 fn open(files: &[(&str, &str)]) -> Result<Loaded, String> {
     let options = LoadOptions { point_radius: Some(0.25), ..LoadOptions::default() };
     load_files_by(files, &options).map_err(|e| e.to_string())
@@ -16,7 +16,7 @@ fn loaded(files: &[(&str, &str)]) -> Loaded {
     open(files).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The warnings of a model, but for what it gets in place of a camera and lights.
+/// The warnings of a model, without those about default camera and lights.
 fn warnings_of(loaded: &Loaded) -> Vec<(&str, &str)> {
     let is_default = |message: &str| ["no camera", "no light"].iter().any(|start| message.starts_with(start));
     let all = loaded.warnings.iter().filter(|w| !is_default(&w.message));
@@ -31,7 +31,7 @@ fn warnings_of_material(statements: &str) -> Vec<String> {
 }
 
 #[test]
-fn colours_of_obj_vertices_that_are_incomplete() {
+fn incomplete_obj_vertex_colours() {
     let with = |first: &str| {
         let text = format!("v 0 0 0{first}\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
         loaded(&[("a.obj", &text)])
@@ -46,7 +46,7 @@ fn colours_of_obj_vertices_that_are_incomplete() {
 }
 
 #[test]
-fn statements_of_mtl_files_that_don_t_count() {
+fn ignored_mtl_statements() {
     for (statements, expected) in [
         ("Kd 1.5 0 0\nPr 2", vec!["material 'a': 'Kd', 'Pr' outside 0 to 1: clamped"]),
         ("Ks 1 1 1\nNi 0", vec!["material 'a': 'Ni' 0 is not an index of refraction from 1 to 10: ignored"]),
@@ -65,7 +65,7 @@ fn statements_of_mtl_files_that_don_t_count() {
     assert!(maps.iter().any(|w| w.contains("'bump'") && w.contains("'norm'")), "{maps:?}");
 }
 
-/// A triangle as PLY, with properties for the vertices and faces and their values.
+/// A triangle as PLY, with properties of vertices and faces and their values.
 fn ply(comment: &str, vertex: &str, vertex_values: &str, face: &str, face_values: &str) -> String {
     let rows: String = ["0 0 0", "1 0 0", "0 1 0"].iter().map(|p| format!("{p} {vertex_values}\n")).collect();
     format!(
@@ -75,7 +75,7 @@ fn ply(comment: &str, vertex: &str, vertex_values: &str, face: &str, face_values
 }
 
 #[test]
-fn properties_of_ply_files_that_are_not_read() {
+fn ignored_ply_properties() {
     let said = |text: String| {
         let loaded = loaded(&[("a.ply", &text)]);
         let warnings: Vec<String> = warnings_of(&loaded).into_iter().map(|(_, m)| m.to_string()).collect();
@@ -107,9 +107,9 @@ fn properties_of_ply_files_that_are_not_read() {
     assert_eq!(clear.0, ["the alpha of 3 vertex colours, which are taken as opaque: left out"]);
 }
 
-/// MeshLab names the picture in a comment.
+/// MeshLab names the texture in a comment.
 #[test]
-fn the_picture_that_a_ply_file_names_is_its_colour() {
+fn ply_texture_comment() {
     let coordinates = "property float s\nproperty float t\n";
     let text = ply("comment TextureFile wall.tga\n", coordinates, "0.5 0.5", "", "");
     let picture = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, 10, 20, 30];
@@ -120,10 +120,10 @@ fn the_picture_that_a_ply_file_names_is_its_colour() {
     assert!(albedo.texture.is_some() && loaded.scene.images[0].width == 1);
 }
 
-/// Two squares with a common edge, each with a picture of its own and texture coordinates at its corners, as MeshLab writes
-/// them: as text, and with the same numbers in binary.
+/// Two squares with a shared edge, each with its own texture and per-corner texture coordinates, as MeshLab writes them: ascii,
+/// and binary.
 #[test]
-fn corners_of_ply_faces_have_coordinates_and_pictures_of_their_own() {
+fn ply_per_face_texture_coordinates() {
     let folder = tempfile::tempdir().expect("a folder");
     for (name, blue) in [("a.tga", 10), ("b.tga", 200)] {
         let picture = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, blue, 20, 30];
@@ -198,7 +198,7 @@ fn corners_of_ply_faces_have_coordinates_and_pictures_of_their_own() {
     }
 }
 
-/// Files of nothing but vertices are clouds; vertices of drawings are not.
+/// Files of vertices only are point clouds; vertices of line drawings are not.
 #[test]
 fn obj_files_of_vertices_alone_are_point_clouds() {
     let cloud = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 1\n";
@@ -218,7 +218,7 @@ const CLOUD: &str = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n
                      end_header\n0 0 0\n1 2 3\n";
 
 #[test]
-fn point_clouds_are_placed_by_scene_files() {
+fn point_clouds_in_scene_files() {
     let place = |rest: &str| {
         open(&[("s.toml", &format!("{SCENE}mesh = \"cloud.ply\"\n{rest}")), ("cloud.ply", CLOUD)])
     };
@@ -235,7 +235,7 @@ fn point_clouds_are_placed_by_scene_files() {
 }
 
 #[test]
-fn lights_of_a_mesh_file_are_named_and_warnings_of_one_that_only_lends_its_camera_stay() {
+fn ignored_lights_of_mesh_files_are_reported() {
     let model = r#"{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_lights_punctual", "ACME_unknown"],
         "scenes": [{"nodes": [0, 1]}], "scene": 0, "cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}],
         "nodes": [{"camera": 0, "extensions": {"ACME_unknown": {}}}, {"extensions": {"KHR_lights_punctual": {"light": 0}}}],
@@ -257,7 +257,7 @@ fn lights_of_a_mesh_file_are_named_and_warnings_of_one_that_only_lends_its_camer
 }
 
 #[test]
-fn keys_of_scene_files_that_do_nothing() {
+fn scene_file_keys_without_effect() {
     let refusal = |camera: &str, material: &str| {
         let text = format!(
             "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0]{camera} }}\n\

@@ -1,4 +1,4 @@
-//! Animations, skins and morph targets at a moment.
+//! Animations, skins and morph targets at a time.
 
 use super::asset::{floats, triangle_bytes, triangle_with};
 use crate::codes::has_code;
@@ -8,7 +8,7 @@ use oscura::math::{DQuat, DVec3};
 use oscura::scene::{LightKind, Motion};
 use serde_json::{Value, json};
 
-/// Loads an asset over the triangle's bytes and further floats, at a moment.
+/// Loads an asset over the triangle's bytes and more floats, at a time.
 pub fn at(asset: &Value, more: &[f32], time_s: Option<f64>) -> Result<Loaded, oscura::error::Error> {
     let mut asset = asset.clone();
     let mut bytes = triangle_bytes();
@@ -18,7 +18,7 @@ pub fn at(asset: &Value, more: &[f32], time_s: Option<f64>) -> Result<Loaded, os
     super::asset::load_by(&asset, &[("a.bin", &bytes)], &LoadOptions { gltf, ..LoadOptions::default() })
 }
 
-/// The triangle with accessors 2, 3, ... over the floats that follow its bytes: kind and count of each.
+/// The triangle with accessors 2, 3, ... over the floats that follow its bytes: type and count of each.
 pub fn with_floats(accessors: &[(&str, usize)], change: impl FnOnce(&mut Value)) -> Value {
     triangle_with(|a| {
         let mut offset = 44;
@@ -42,7 +42,7 @@ pub fn with_floats(accessors: &[(&str, usize)], change: impl FnOnce(&mut Value))
     })
 }
 
-/// Node 0 moves by (10 t, 0, 0) for t in 0..2, turns about z by 90 degrees in the first second, and grows in steps.
+/// Node 0 translates by (10 t, 0, 0) for t in 0..2, rotates about z by 90 degrees in the first second, and scales in steps.
 fn moving() -> (Value, Vec<f32>) {
     let s = std::f32::consts::FRAC_1_SQRT_2;
     let numbers = vec![
@@ -73,7 +73,7 @@ fn moving() -> (Value, Vec<f32>) {
 }
 
 #[test]
-fn nodes_move_only_if_a_moment_is_asked_for() {
+fn nodes_move_only_if_a_time_is_given() {
     let (asset, numbers) = moving();
     let rest = at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(rest.scene.instances[0].world_from_object.translation, DVec3::new(7.0, 0.0, 0.0));
@@ -95,7 +95,7 @@ fn nodes_move_only_if_a_moment_is_asked_for() {
 }
 
 #[test]
-fn broken_animations_are_named_only_when_they_play() {
+fn invalid_animations_are_reported_only_when_played() {
     type Change = fn(&mut Value);
     let cases: &[(Change, &[&str])] = &[
         (|a| a["animations"][0]["channels"][0]["sampler"] = json!(9), &["/channels/0/sampler"]),
@@ -105,7 +105,7 @@ fn broken_animations_are_named_only_when_they_play() {
         (|a| a["accessors"][3]["count"] = json!(1), &["2 keys", "3 numbers"]),
         (|a| a["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE"), &["2 keys"]),
         (|a| a["animations"][0]["samplers"][0]["interpolation"] = json!("NONE"), &["CUBICSPLINE"]),
-        // What it can't do without.
+        // Required properties.
         (|a| without(&mut a["animations"][0], "channels"), &["/animations/0/channels: is missing"]),
         (|a| without(&mut a["animations"][0], "samplers"), &["/channels/0/sampler", "does not exist"]),
         (
@@ -132,7 +132,7 @@ fn without(object: &mut Value, key: &str) {
 }
 
 #[test]
-fn what_stands_still_is_counted() {
+fn unsupported_channels_are_counted() {
     let (mut asset, numbers) = moving();
     without(&mut asset["animations"][0]["channels"][0]["target"], "node");
     let loaded = at(&asset, &numbers, Some(1.0)).unwrap_or_else(|e| panic!("{e}"));
@@ -140,7 +140,7 @@ fn what_stands_still_is_counted() {
     assert!(has_code(&loaded.warnings, "channels-without-node"), "{messages:?}");
 }
 
-/// A mesh with these weights of two targets, which move its first corner by x and by 4 z; more accessors come from 4 on.
+/// A mesh with these weights of two targets, which move its first vertex by x and by 4 z; more accessors start at 4.
 fn with_two_targets(weights: &Value, more: &[(&str, usize)], change: impl FnOnce(&mut Value)) -> Value {
     with_floats(&[&[("VEC3", 3), ("VEC3", 3)], more].concat(), |a| {
         a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 2}, {"POSITION": 3}]);
@@ -149,7 +149,7 @@ fn with_two_targets(weights: &Value, more: &[(&str, usize)], change: impl FnOnce
     })
 }
 
-/// What the accessors of [`with_two_targets`] hold.
+/// The data of the accessors of [`with_two_targets`].
 fn two_targets(more: &[f32]) -> Vec<f32> {
     let mut numbers = vec![0.0; 18];
     (numbers[0], numbers[11]) = (1.0, 4.0);
@@ -157,12 +157,12 @@ fn two_targets(more: &[f32]) -> Vec<f32> {
     numbers
 }
 
-/// The target of a channel that drives a pointer.
+/// The target of a channel that animates a pointer.
 pub(super) fn pointer_target(pointer: &str) -> Value {
     json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}})
 }
 
-/// Two targets move the first corner; weights come from the mesh, the node and an animation, in rising order.
+/// Two targets move the first vertex; weights come from the mesh, the node and an animation, in ascending precedence.
 #[test]
 fn morph_targets_add_up() {
     let numbers = two_targets(&[
@@ -177,7 +177,7 @@ fn morph_targets_add_up() {
     asset["nodes"] = json!([{"mesh": 0, "weights": [0, 0.25]}, {"mesh": 0}]);
     asset["scenes"][0]["nodes"] = json!([0, 1]);
     assert_eq!(corner(&asset, None), [0.0, 0.0, 1.0]);
-    // The second node shows the mesh's own weights: another shape of the same mesh.
+    // The second node uses the mesh's own weights: another shape of the same mesh.
     let both = at(&asset, &numbers, None).expect("it loads").scene;
     assert_eq!((both.meshes.len(), both.meshes[1].positions[0]), (2, [0.5, 0.0, 0.0]));
     asset["animations"] = json!([{
@@ -192,9 +192,9 @@ fn morph_targets_add_up() {
     at(&asset, &numbers, Some(0.0)).unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Weights of meshes and single ones, driven by pointers.
+/// Weights of meshes, as arrays and single elements, animated by pointers.
 #[test]
-fn pointers_drive_weights_of_meshes_and_single_ones() {
+fn pointers_animate_weight_arrays_and_elements() {
     let numbers = two_targets(&[
         0.0, 1.0, // 4: times
         0.0, 1.0, // 5: a weight
@@ -216,7 +216,7 @@ fn pointers_drive_weights_of_meshes_and_single_ones() {
     assert_eq!(corner(&driven("/meshes/0/weights", 6)), [1.0, 0.0, 4.0]);
     assert_eq!(corner(&driven("/meshes/0/weights/1", 5)), [0.5, 0.0, 4.0]);
     assert_eq!(corner(&driven("/nodes/0/weights/0", 5)), [1.0, 0.0, 1.0]);
-    // A node's own weights hide those of its mesh.
+    // A node's own weights override those of its mesh.
     let mut own = driven("/meshes/0/weights", 6);
     own["nodes"][0]["weights"] = json!([0.0, 0.5]);
     assert_eq!(corner(&own), [0.0, 0.0, 2.0]);
@@ -229,10 +229,10 @@ fn pointers_drive_weights_of_meshes_and_single_ones() {
     assert!(has_code(&huge.warnings, "animation-pointer-unknown"), "{:?}", huge.warnings);
 }
 
-/// A corner each on the first joint, on the second, and half on both. The mesh's node stands elsewhere, which must not
-/// matter; the bind matrix of the second joint takes its rest position back.
+/// One vertex on the first joint, one on the second, and one half on both. The mesh's node has another transform, which must be
+/// ignored; the inverse bind matrix of the second joint cancels its rest position.
 #[test]
-fn skins_move_corners_with_their_joints() {
+fn skins_move_vertices_with_their_joints() {
     let bind_second = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., -5., 0., 0., 1.];
     let identity = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
     let mut numbers = vec![
@@ -241,7 +241,7 @@ fn skins_move_corners_with_their_joints() {
     numbers.extend(identity);
     numbers.extend(bind_second); // 3: bind matrices
     let asset = with_floats(&[("VEC4", 3), ("MAT4", 2)], |a| {
-        // Joints of the three corners as bytes, over the indices 0 1 2 of the triangle: made of sparse zeros.
+        // Joints of the three vertices as bytes, over the indices 0 1 2 of the triangle: a sparse accessor of zeros.
         a["accessors"].as_array_mut().expect("a list").push(json!({
             "componentType": 5121, "type": "VEC4", "count": 3,
             "sparse": {"count": 2, "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
@@ -261,11 +261,11 @@ fn skins_move_corners_with_their_joints() {
         a["nodes"][1]["children"] = json!([2]);
         a["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": 3}]);
     });
-    // Corner 1 is on joint 1 alone; corner 2 on joints 0 and 1.
+    // Vertex 1 is on joint 1 alone; vertex 2 on joints 0 and 1.
     numbers.push(f32::from_le_bytes([1, 1, 1, 1]));
     numbers.push(f32::from_le_bytes([0, 1, 0, 0]));
     let mut asset = asset;
-    // Weights of corner 1: all on the second joint of its four, which are all joint 1.
+    // Weights of vertex 1: all on the second of its four joints, which are all joint 1.
     let loaded = at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
     let world = |loaded: &Loaded| {
         let instance = &loaded.scene.instances[0];
@@ -275,7 +275,7 @@ fn skins_move_corners_with_their_joints() {
     };
     let z = DVec3::new(0.0, 0.0, 100.0);
     assert_eq!(world(&loaded), [z, z + DVec3::X, z + DVec3::Y]);
-    // The second joint rises by 2: corner 1 goes along, corner 2 half the way.
+    // The second joint rises by 2: vertex 1 follows, vertex 2 by half.
     asset["nodes"][2]["translation"] = json!([5, 2, 0]);
     let loaded = at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(world(&loaded), [z, z + DVec3::new(1.0, 2.0, 0.0), z + DVec3::new(0.0, 2.0, 0.0)]);
@@ -293,7 +293,7 @@ fn skins_move_corners_with_their_joints() {
     broken(|a| a["nodes"][0]["skin"] = json!(3), "/skins/3");
 }
 
-/// The asset with the shutter open for so many frames, a tenth of a second each, around half a second.
+/// The asset with the shutter open for some frames, a tenth of a second each, around half a second.
 fn open(asset: &Value, more: &[f32], frames: f64, vectors: bool) -> Loaded {
     let mut asset = asset.clone();
     let mut bytes = triangle_bytes();
@@ -305,7 +305,7 @@ fn open(asset: &Value, more: &[f32], frames: f64, vectors: bool) -> Loaded {
     super::asset::load_by(&asset, &[("a.bin", &bytes)], &options).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// What an open shutter sees of the moving node, with a frame before and after.
+/// Motion keys of the moving node, with a frame before and after.
 #[test]
 fn nodes_move_while_the_shutter_is_open() {
     let (asset, numbers) = moving();
@@ -321,13 +321,13 @@ fn nodes_move_while_the_shutter_is_open() {
     }
     let [before, after] = motion.neighbours.expect("they were asked for").map(|m| m.translation.x);
     assert!((before - 4.0).abs() < 1e-5 && (after - 6.0).abs() < 1e-5);
-    // Closed, it is the scene of the moment.
+    // Closed, it is the scene at that time.
     let (closed, plain) =
         (with(0.0, false), at(&asset, &numbers, Some(0.5)).unwrap_or_else(|e| panic!("{e}")));
     assert_eq!(format!("{:?}", closed.scene), format!("{:?}", plain.scene));
 }
 
-/// Weights count as motion: where they are 0 at some moments, too, and for each node with its own although the mesh is the same.
+/// Weights count as motion: also where they are 0 at some times, and for each node with its own weights of one mesh.
 #[test]
 fn morph_targets_move_while_the_shutter_is_open() {
     let numbers = [
@@ -352,13 +352,13 @@ fn morph_targets_move_while_the_shutter_is_open() {
         let moving = scene.motion.meshes.get(&scene.instances[node].mesh.index())?;
         Some(moving.keys.iter().map(|key| key.positions[0][2]).collect::<Vec<_>>())
     };
-    // Three keys are enough for the corner in the first way.
+    // Three keys suffice for the first vertex.
     assert_eq!(heights(0), Some(vec![0.0, 1.0, 0.0]));
     assert_eq!(heights(1), Some(vec![2.0, 1.0, 0.0]));
     assert_eq!([heights(2), heights(3)], [None, None]);
     let now = |node: usize| scene.meshes[scene.instances[node].mesh.index()].positions[0][2];
     assert_eq!([0, 1, 2, 3].map(now), [1.0, 1.0, 0.0, 0.0]);
-    // Weights of the mesh, by a pointer: they hold for all nodes that have none of their own.
+    // Mesh weights animated by a pointer: they apply to all nodes without own weights.
     let mut of_mesh = asset.clone();
     let target = pointer_target("/meshes/0/weights");
     of_mesh["animations"][0]["channels"] = json!([{"sampler": 0, "target": target}]);
@@ -373,7 +373,7 @@ fn morph_targets_move_while_the_shutter_is_open() {
     }
 }
 
-/// What stands or shines where a mover is at the picture's moment is no mover.
+/// Objects and lights at the position of a moving node do not move with it.
 #[test]
 fn lights_and_cameras_have_their_own_motion() {
     let numbers = [
@@ -410,9 +410,9 @@ fn lights_and_cameras_have_their_own_motion() {
     assert_eq!([moves(0), moves(1)], [true, false]);
 }
 
-/// Nodes of one name are two objects.
+/// Nodes of the same name are distinct objects.
 #[test]
-fn traits_are_those_of_one_node() {
+fn visibility_is_per_node() {
     let asset = triangle_with(|a| {
         let extras = json!({"is_holdout": true, "light_group": "key"});
         a["nodes"] = json!([{"mesh": 0, "name": "Cube", "extras": extras}, {"mesh": 0, "name": "Cube"}]);
@@ -425,9 +425,9 @@ fn traits_are_those_of_one_node() {
     assert_eq!([group(0), group(1)], [Some("key"), None]);
 }
 
-/// Custom properties of Blender: portals of nodes, priorities of materials.
+/// Custom properties of Blender: portals for nodes, priorities for materials.
 #[test]
-fn extras_make_portals_and_priorities() {
+fn extras_set_portals_and_priorities() {
     let asset = triangle_with(|a| {
         a["materials"] = json!([{"extras": {"priority": 3}}, {"extras": {"priority": 0.5}}]);
         a["meshes"][0]["primitives"][0]["material"] = json!(0);
@@ -450,7 +450,7 @@ fn extras_make_portals_and_priorities() {
     assert_eq!(window.name, "Window");
     let middle = window.corner + (window.edge_u + window.edge_v) / 2.0;
     assert!(middle.distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-9, "{window:?}");
-    // Light comes in along -z of the node, as u x v points.
+    // Light enters along -z of the node, as u x v points.
     assert!(window.edge_u.cross(window.edge_v).distance(DVec3::new(0.0, 0.0, -6.0)) < 1e-9, "{window:?}");
     assert!(other.edge_u.cross(other.edge_v).distance(DVec3::Z) < 1e-6, "{other:?}");
     let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();

@@ -1,5 +1,5 @@
 //! Compressed, quantised and instanced geometry.
-// Tests of decoders that a build may lack use some of this.
+// Tests of optional decoders use some of this.
 #![cfg_attr(not(feature = "decoders"), allow(unused_imports, dead_code))]
 
 use super::asset::{floats, load_with, triangle, triangle_bytes, triangle_with};
@@ -7,7 +7,7 @@ use oscura::load::Loaded;
 use oscura::math::DVec3;
 use serde_json::{Value, json};
 
-/// The attribute stream of version 0 with all differences as whole bytes.
+/// A version 0 attribute stream with all deltas as whole bytes.
 fn attribute_stream(elements: &[u8], stride: usize) -> Vec<u8> {
     let mut stream = vec![0xa0];
     for k in 0..stride {
@@ -26,10 +26,10 @@ fn attribute_stream(elements: &[u8], stride: usize) -> Vec<u8> {
     stream
 }
 
-/// The triangle with its corners and indices compressed by meshopt, under one of the extension's two names.
+/// The triangle with meshopt-compressed vertices and indices, under one of the extension's two names.
 fn meshopt(name: &str) -> (Value, Vec<u8>) {
     let corners = attribute_stream(&triangle_bytes()[..36], 12);
-    // Indices 0, 1, 2: differences 0, 1, 1 from the first running value.
+    // Indices 0, 1, 2: deltas 0, 1, 1.
     let indices = [0xd1, 0, 4, 4, 0, 0, 0, 0];
     let mut asset = triangle();
     let packed = |offset: usize, length: usize, stride: usize, mode: &str| {
@@ -55,7 +55,7 @@ fn same_triangle(loaded: &Loaded) {
 }
 
 #[test]
-fn meshopt_views_read_like_plain_ones() {
+fn meshopt_views_match_uncompressed_ones() {
     for name in ["EXT_meshopt_compression", "KHR_meshopt_compression"] {
         let (asset, bytes) = meshopt(name);
         same_triangle(&load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}")));
@@ -63,7 +63,7 @@ fn meshopt_views_read_like_plain_ones() {
 }
 
 #[test]
-fn damaged_meshopt_views_are_named() {
+fn damaged_meshopt_views_are_reported() {
     let (asset, bytes) = meshopt("EXT_meshopt_compression");
     let at = "/bufferViews/0/extensions/EXT_meshopt_compression";
     type Change = fn(&mut Value);
@@ -78,7 +78,7 @@ fn damaged_meshopt_views_are_named() {
         (|p| p["mode"] = json!("NONE"), "/mode"),
         (|p| p["filter"] = json!("OCTAHEDRAL"), "don't fit"),
         (|p| p["filter"] = json!("ACME"), "ACME"),
-        // What it can't do without, missing or no number.
+        // Required properties, missing or not numbers.
         (|p| drop(p.as_object_mut().expect("an object").remove("buffer")), "/buffer: is missing"),
         (|p| drop(p.as_object_mut().expect("an object").remove("byteLength")), "/byteLength: is missing"),
         (|p| drop(p.as_object_mut().expect("an object").remove("byteStride")), "/byteStride: is missing"),
@@ -103,9 +103,9 @@ fn damaged_meshopt_views_are_named() {
     }
 }
 
-/// A grid of 8 x 8 squares with texture coordinates: corners at whole x and y, and coordinates of an eighth of those. The
-/// file is what the encoder of draco-core 2.3.3 makes of it with its default options; building that encoder for the tests
-/// would build the program a second time.
+/// A grid of 8 x 8 squares with texture coordinates: vertices at integer x and y, and coordinates of an eighth of those. The
+/// file was encoded by draco-core 2.3.3 with its default options; building that encoder for the tests would build the program a
+/// second time.
 #[cfg(feature = "draco")]
 fn draco() -> (Value, Vec<u8>, usize) {
     let bytes = include_bytes!("grid.drc").to_vec();
@@ -128,12 +128,12 @@ fn draco() -> (Value, Vec<u8>, usize) {
 
 #[cfg(feature = "draco")]
 #[test]
-fn draco_primitives_read_like_plain_ones() {
+fn draco_primitives_match_uncompressed_ones() {
     let (asset, bytes, faces) = draco();
     let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
     let mesh = &loaded.scene.meshes[0];
     assert_eq!((mesh.triangles.len(), mesh.positions.len()), (faces, 81));
-    // All front faces look along z, and together they cover 8 x 8; coordinates go with the corners.
+    // All faces look along z, and together they cover 8 x 8; texture coordinates follow the vertices.
     let corner = |i: u32| DVec3::from_array(mesh.positions[i as usize].map(f64::from));
     let mut area = 0.0;
     for &[a, b, c] in &mesh.triangles {
@@ -165,7 +165,7 @@ fn damaged_draco_streams_never_panic() {
     assert!(message.contains("KHR_draco_mesh_compression") && message.contains("decompressed"), "{message}");
 }
 
-/// Normals in bytes are of unit length only to their precision; that is what quantisation means, and no warning.
+/// Normals in bytes are of unit length to their precision only, which is expected: no warning.
 #[test]
 fn quantised_normals_are_unit_vectors() {
     let mut bytes = triangle_bytes();
@@ -194,7 +194,7 @@ fn quantised_normals_are_unit_vectors() {
 }
 
 #[test]
-fn instances_stand_where_the_attributes_say() {
+fn gpu_instancing_attributes() {
     let numbers = [1.0, 0.0, 0.0, 0.0, 0.0, 7.0, 2.0, 2.0, 2.0, 1.0, 1.0, -1.0];
     let mut bytes = triangle_bytes();
     bytes.extend(floats(&numbers));
