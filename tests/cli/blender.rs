@@ -303,14 +303,14 @@ fn cached_exports_match_fresh_ones() {
 #[test]
 fn exporter_scripts() {
     [
-        "test_trees.py",
+        "test_object_info.py",
         "test_surfaces.py",
         "test_shapes.py",
         "test_hair.py",
         "test_volumes.py",
         "test_nodes.py",
-        "test_beside.py",
-        "test_foreign.py",
+        "test_scene.py",
+        "test_importers.py",
     ]
     .into_iter()
     .for_each(python_test);

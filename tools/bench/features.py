@@ -51,7 +51,7 @@ def render(args):
 
 
 def rendered(args, arguments):
-    """The report of a picture."""
+    """The report of a render."""
     command = [args.program, "render", *arguments, "--spp", str(args.samples), "--size", args.size, "--threads", "1", "--float"]
     command += ["--no-denoise", "--aov", "denoising_albedo,denoising_normal", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -72,7 +72,7 @@ def write(path, image):
 
 
 def both(errors):
-    """Means of all errors, and of those without the largest hundredth."""
+    """Means of all errors, and without the largest hundredth."""
     errors = np.sort(errors.ravel())
     return np.array([errors.mean(), errors[: int(len(errors) * 0.99)].mean()])
 
@@ -96,7 +96,7 @@ class Scene:
         return [seed for n, w, seed in self.runs if (n, w) == (samples, way)]
 
     def variance(self, samples, way, seeds):
-        """The error of pixels by pairs of seeds."""
+        """The pixel error by pairs of seeds."""
         images = [self.images[samples, way, seed] for seed in seeds]
         squares = [((a - b) ** 2 / 2 * self.weight).mean(-1) for a, b in itertools.combinations(images, 2)]
         return both(sum(squares) / len(squares))
@@ -123,7 +123,7 @@ class Scene:
         return json.loads(done.stdout)["flip"]
 
     def gains(self, samples, way):
-        """Gains, or none where a seed doesn't use the technique or there is one seed alone."""
+        """Gains; none where a seed doesn't use the technique or with a single seed."""
         common = [s for s in self.seeds(samples, "default") if s in self.seeds(samples, way)]
         if way == "default" or len(common) < 2 or not all(USED[way](self.runs[samples, "default", s]["report"]) for s in common):
             return None

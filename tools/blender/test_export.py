@@ -102,7 +102,7 @@ class GlassTest(unittest.TestCase):
         surface = glass["nodes"][glass["surface"]]
         self.assertEqual((surface["transmission_weight"], surface["base_color"]), (1.0, [0.25, 1.0, 1.0]))
 
-class KeptTest(unittest.TestCase):
+class CacheTest(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory(prefix="oscura-test-")
         self.addCleanup(folder.cleanup)

@@ -1,4 +1,4 @@
-"""Scenes of Blender: what `oscura render scene.blend` makes of them beside Cycles, with no hand work in between.
+"""Blender scenes: `oscura render scene.blend` against Cycles, fully automatic.
 
     python blend.py FOLDER [SCENE...]        with a Python that has bpy, numpy and Pillow
 

@@ -1,4 +1,4 @@
-"""Scenes of Blender about what differs with the angle of view alone: Layer Weight and Fresnel nodes."""
+"""Blender scenes with Layer Weight and Fresnel nodes."""
 
 import bpy
 
@@ -13,7 +13,7 @@ def _row(*materials):
 
 
 def facing_color():
-    """Facing as a colour, and as a factor that mixes two; by Fresnel; on roughness and metalness."""
+    """Facing as a colour and as a mix factor; Fresnel; on roughness and metallic."""
     floor()
     lit()
     grey, mixed, fresnel, rough = (material(name, Roughness=0.8) for name in ("grey", "mixed", "fresnel", "rough"))
@@ -34,7 +34,7 @@ def facing_color():
 
 
 def facing_mix():
-    """Gloss mixed into diffuse reflection by Fresnel, by facing and by facing through a ramp; a ghost."""
+    """Glossy mixed with diffuse by Fresnel, by facing and by facing through a ramp; a transparent rim."""
     floor()
     lit()
     made = []
@@ -60,7 +60,7 @@ def facing_mix():
 
 
 def facing_light():
-    """Light by facing: as strength, as a colour, mixed into what reflects."""
+    """Emission by facing: as strength, as colour, mixed with a reflective shader."""
     floor()
     world((0.02, 0.02, 0.03))
     light("AREA", "Key", 40, (-3, -4, 5), (0.6, -0.5, 0), size=2)
@@ -87,7 +87,7 @@ def facing_light():
 
 
 def facing_ramp():
-    """Facing through ramps of colours: a velvet, car paint, a toon's outline by steps."""
+    """Facing through colour ramps: velvet, car paint, a toon outline with constant steps."""
     floor()
     lit()
     velvet, paint, toon = material("velvet", Roughness=0.9), material("paint", Metallic=1.0, Roughness=0.3), material("toon", Roughness=1)

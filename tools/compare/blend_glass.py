@@ -1,4 +1,4 @@
-"""Scenes of Blender with coloured glass and glass that splits colours."""
+"""Blender scenes with coloured and dispersive glass."""
 
 import math
 
@@ -11,7 +11,7 @@ def _glass(name, kind="BsdfGlass", **inputs):
 
 
 def _splitting(name, iors, roughness=0.0):
-    """Glass as a sum of three shaders, for red, green and blue light."""
+    """Dispersive glass as a sum of three shaders, for red, green and blue light."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     tree = made.node_tree
@@ -32,7 +32,7 @@ def _splitting(name, iors, roughness=0.0):
 
 
 def jewels():
-    """Gold, stones of one colour and one that splits colours, velvet, small area lamps."""
+    """Gold, coloured stones and a dispersive one, velvet, small area lights."""
     world((0.15, 0.15, 0.17))
     camera((0, -3.2, 1.6), (1.15, 0, 0), lens=55)
     fibres = {"Sheen_Weight": 1.0, "Sheen_Roughness": 0.4, "Sheen_Tint": (0.9, 0.4, 0.6, 1)}
@@ -52,7 +52,8 @@ def jewels():
 
 
 def tinted_glass():
-    """Balls, cubes and sheets of deep colours: smooth, frosted, refraction without reflection, and under gloss by Fresnel."""
+    """Spheres, cubes and sheets of saturated colours: smooth, rough, refraction without reflection, and below a glossy layer by
+    Fresnel."""
     world((0.5, 0.55, 0.6))
     floor(size=10)
     blue = {"Color": (0.15, 0.4, 0.9, 1), "IOR": 1.6}
@@ -68,7 +69,7 @@ def tinted_glass():
 
 
 def splitting_glass():
-    """A lens, a prism and a frosted ball that split colours, before stripes."""
+    """A lens, a prism and a rough sphere with dispersion, in front of stripes."""
     world((0.4, 0.4, 0.4))
     floor(size=12)
     strong = (1.45, 1.55, 1.65)

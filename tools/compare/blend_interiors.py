@@ -1,4 +1,4 @@
-"""Interiors of Blender whose light comes through glass, off mirrors or water: default shaders, glass with its thickness, sun and sky."""
+"""Blender interiors lit through glass, by mirrors or water: default shaders, solid panes, sun and sky."""
 
 import math
 
@@ -8,7 +8,7 @@ from blend_parts import add, camera, light, link, material, shader, world
 
 
 def _wall(of, low, high, name, holes=()):
-    """A box between two corners; holes are cut by other boxes."""
+    """A box between two corners; holes are cut by boolean boxes."""
     wall = add("cube", of, [(a + b) / 2 for a, b in zip(low, high)], name, size=1)
     wall.scale = [b - a for a, b in zip(low, high)]
     for number, (near, far) in enumerate(holes):
@@ -34,7 +34,7 @@ WINDOW = ((1.95, -0.9, 0.8), (2.25, 0.9, 2.1))
 
 
 def _lounge():
-    """A room with a sofa and a window in its right wall, seen from its corner; the sun reaches the floor."""
+    """A room with a sofa and a window in its right wall, seen from its corner; sunlight reaches the floor."""
     world((0.5, 0.65, 0.9), 1.5)
     paint = material("paint", Base_Color=(0.8, 0.78, 0.74, 1))
     boards = material("boards", Base_Color=(0.35, 0.2, 0.1, 1), Roughness=0.35)
@@ -58,7 +58,7 @@ def _glass():
 
 
 def _pane(of, x, thickness=0.006, turn=0.004):
-    """A pane within the window, somewhat crooked, whose edges are in the wall."""
+    """A pane in the window, slightly rotated, with its edges inside the wall."""
     pane = _wall(of, (x, -0.93, 0.77), (x + thickness, 0.93, 2.13), "Pane")
     pane.rotation_euler = (0, 0, turn)
     return pane
@@ -85,7 +85,7 @@ def lounge_double():
 
 
 def bathroom():
-    """Tiles, a mirror, a door of frosted glass with a lamp behind, a frosted window towards the sun."""
+    """Tiles, a mirror, a frosted glass door with a light behind, a frosted window facing the sun."""
     world((0.5, 0.65, 0.9), 1.5)
     paint = material("paint", Base_Color=(0.8, 0.8, 0.8, 1))
     tiles = material("tiles", Base_Color=(0.5, 0.6, 0.62, 1), Roughness=0.2)
@@ -116,7 +116,7 @@ def bathroom():
 
 
 def _sky(strength=0.1):
-    """The sky texture with its sun."""
+    """A sky texture with its sun."""
     tree, background = world(strength=strength)
     sky = tree.nodes.new("ShaderNodeTexSky")
     types = [item.identifier for item in sky.bl_rna.properties["sky_type"].enum_items]
@@ -126,7 +126,7 @@ def _sky(strength=0.1):
 
 
 def _pool(height):
-    """A pool in a terrace; the water is a body that reaches into the walls, its top a grid of some height."""
+    """A pool in a terrace; the water is a solid that extends into the walls, its top a grid with waves."""
     _sky()
     stone = material("stone", Base_Color=(0.6, 0.55, 0.5, 1))
     tiles = material("pool tiles", Base_Color=(0.4, 0.65, 0.7, 1), Roughness=0.3)
@@ -143,7 +143,7 @@ def _pool(height):
 
 
 def _water(height, columns=80, rows=48):
-    """A closed body of water between the tiles, smooth on top."""
+    """A closed volume of water between the tiles, smooth shaded on top."""
     size_x, size_y, bottom, top = 2.005, 1.205, -1.205, -0.12
     place = lambda i, n, size: size * (2 * i / n - 1)
     wave = lambda x, y: height * (math.sin(5 * x + 2 * y) + 0.6 * math.sin(9 * y - 3 * x + 1) + 0.4 * math.sin(17 * x + 13 * y))
@@ -180,7 +180,7 @@ def pool_waves():
 
 
 def glass_table():
-    """A table whose top is of glass on a floor of glossy wood, under a lamp and beside a window with a pane."""
+    """A glass table on a glossy wooden floor, under an area light and next to a window with a pane."""
     _lounge()
     for name in ("Rug", "Seat", "Rest", "Cushion"):
         bpy.data.objects.remove(bpy.data.objects[name])

@@ -1,4 +1,4 @@
-"""Scenes of Blender about what light does within and under surfaces: media, subsurface, translucency, coats, edges, reliefs."""
+"""Blender scenes with volumes, subsurface scattering, translucency, coats, metal edge tints, displacement and bumps."""
 
 
 from blend_parts import add, ball, camera, floor, light, material, shader, world
@@ -10,7 +10,7 @@ def _lit():
 
 
 def translucent():
-    """Cards of leaves and paper with light behind them, a rough wall, and a coloured pane."""
+    """Backlit cards of leaves and paper, a rough wall, and a coloured pane."""
     floor()
     world((0.2, 0.22, 0.25))
     light("AREA", "Behind", 300, (0, 4, 2.5), (-1.3, 0, 3.14159), size=2)
@@ -31,7 +31,7 @@ def translucent():
 
 
 def media_in_solids():
-    """A box of haze, coloured water in glass, smoke that glows."""
+    """A box of fog, coloured water in glass, emissive smoke."""
     floor()
     _lit()
     haze, tree, node = shader("haze", "VolumeScatter", Color=(0.8, 0.9, 1.0, 1), Density=0.8)
@@ -53,7 +53,7 @@ def media_in_solids():
 
 
 def foggy():
-    """A room's worth of air that scatters."""
+    """A room filled with scattering air."""
     floor()
     tree, _ = world((0, 0, 0))
     air = tree.nodes.new("ShaderNodeVolumeScatter")
@@ -65,7 +65,7 @@ def foggy():
 
 
 def waxen():
-    """Subsurface scattering by either node."""
+    """Subsurface scattering by both nodes."""
     floor()
     _lit()
     skin = material(
@@ -79,7 +79,7 @@ def waxen():
 
 
 def tinted_layers():
-    """A coloured coat, metals with coloured edges, rough clay."""
+    """A tinted coat, metals with edge tint, rough clay."""
     floor()
     _lit()
     rows = [
@@ -94,7 +94,7 @@ def tinted_layers():
 
 
 def reliefs():
-    """Displacement of vertices, and the same as bumps."""
+    """Vertex displacement, and the same as bump mapping."""
     floor()
     _lit()
     for i, method in enumerate(("DISPLACEMENT", "BUMP")):
@@ -112,7 +112,7 @@ def reliefs():
 
 
 def vector_reliefs():
-    """Displacement by vectors in each space, and by a vector without a node for it."""
+    """Vector displacement in each space, and by a vector without a displacement node."""
     floor()
     _lit()
     for i, space in enumerate(("OBJECT", "WORLD", "TANGENT", None)):

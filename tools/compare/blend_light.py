@@ -1,4 +1,4 @@
-"""Scenes of Blender about lamps and worlds."""
+"""Blender scenes with lights and worlds."""
 
 import math
 
@@ -51,7 +51,7 @@ def points_and_spots():
 
 
 def _near_lamps(soft):
-    """A large bulb and a large spot close to what they light, and partly within it."""
+    """A large point light and a large spot light close to and overlapping the objects they light."""
     still_life()
     world((0, 0, 0))
     light("POINT", "Bulb", 120, (1.0, -1.2, 1.4), shadow_soft_size=0.9, use_soft_falloff=soft)
@@ -68,7 +68,7 @@ def near_hard_lamps():
 
 
 def lamps_in_view():
-    """The camera sees through lamps, mirrors don't; no lamp shades another."""
+    """Lights visible to the camera but not in mirrors; lights don't occlude each other."""
     floor()
     ball(material("mirror", Metallic=1, Roughness=0.05, Base_Color=(0.9, 0.9, 0.9, 1)), (0, 0, 1), 1)
     ball(material("satin", Metallic=1, Roughness=0.3, Base_Color=(0.9, 0.6, 0.3, 1)), (2.2, 0.6, 0.8))
@@ -98,14 +98,14 @@ def lamp_settings():
 
 
 def _lamp_tree(lamp, *kinds):
-    """The tree of a lamp, its Emission, and new nodes."""
+    """The node tree of a light, its Emission, and new nodes."""
     lamp.data.use_nodes = True
     tree = lamp.data.node_tree
     return (tree, tree.nodes["Emission"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
 
 
 def gobo():
-    """A spot that projects a picture, as lanterns and slides do."""
+    """A spot light that projects a texture (gobo)."""
     world((0.02, 0.02, 0.02))
     still_life()
     lamp = light("SPOT", "Gobo", 600, (0, -3, 5), (0.5, 0, 0), shadow_soft_size=0.0, spot_size=1.0, spot_blend=0.2)
@@ -128,7 +128,7 @@ def gobo():
 
 
 def lamp_picture():
-    """An area light that is a screen, and a disk with a ring."""
+    """A textured area light (screen), and a disk with a ring."""
     world((0.02, 0.02, 0.02))
     still_life()
     lamp = light("AREA", "Screen", 400, (-2, -2, 3.5), (0.6, -0.5, 0), shape="RECTANGLE", size=2.5, size_y=1.5)
@@ -183,7 +183,7 @@ def world_sky():
 
 
 def world_nodes():
-    """A tree of its own, turned about all axes, and another for the camera."""
+    """A world node tree rotated about all axes, with a separate camera background."""
     still_life()
     tree, background = world()
     noise, mapping, coordinates = (tree.nodes.new(f"ShaderNode{k}") for k in ("TexNoise", "Mapping", "TexCoord"))
@@ -196,7 +196,7 @@ def world_nodes():
 
 
 def world_for_the_camera():
-    """A picture with a small sun lights the scene, turned about all axes; the camera sees an even colour in its place."""
+    """An environment image with a small sun, rotated about all axes; the camera sees a constant background."""
     still_life()
     tree, background = world()
     sky, mapping, coordinates, path, mix, other = (
@@ -216,7 +216,7 @@ def world_for_the_camera():
 
 
 def ray_kinds():
-    """A world that the camera sees otherwise, and black lamps behind glass."""
+    """A world with separate camera rays, and lights hidden behind glass."""
     still_life()
     tree, background = world((0.2, 0.5, 0.9))
     path, mix, other = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "MixShader", "Background"))

@@ -1,11 +1,11 @@
-"""Scenes of Blender whose lamps light, or are blocked by, some objects only."""
+"""Blender scenes with light linking and shadow linking."""
 
 import bpy
 from blend_parts import add, ball, camera, floor, light, link, material, scene, world
 
 
 def linked(name, include=(), exclude=()):
-    """A collection of links to objects or collections, outside the scene."""
+    """A linking collection of objects or collections, outside the scene."""
     made = bpy.data.collections.new(name)
     for states, members in (("INCLUDE", include), ("EXCLUDE", exclude)):
         for member in members:
@@ -19,7 +19,7 @@ def linked(name, include=(), exclude=()):
 
 
 def row():
-    """A floor with balls of plastic, metal and clay."""
+    """A floor with plastic, metal and clay spheres."""
     ground = floor(material("floor", Base_Color=(0.6, 0.6, 0.6, 1), Roughness=0.5))
     plastic = material("plastic", Base_Color=(0.7, 0.2, 0.1, 1), Roughness=0.2)
     metal = material("metal", Base_Color=(0.8, 0.7, 0.5, 1), Roughness=0.3, Metallic=1.0)
@@ -31,7 +31,8 @@ def row():
 
 
 def light_links():
-    """An area lamp for one ball, a sun for all but two, a point for what a collection holds, a shining board for the floor."""
+    """An area light linked to one sphere, a sun to all but two, a point light to a collection, an emissive board to the
+    floor."""
     ground, (left, middle, right) = row()
     mirror = material("mirror", Base_Color=(0.9, 0.9, 0.9, 1), Roughness=0.0, Metallic=1.0)
     wall = add("plane", mirror, (0, 2.5, 1.5), "Mirror", size=5, rotation=(1.5708, 0, 0))
@@ -52,7 +53,7 @@ def light_links():
 
 
 def shadow_links():
-    """Lamps in whose light some balls cast no shadow, or only some do."""
+    """Lights with excluded or exclusive shadow casters."""
     ground, (left, middle, right) = row()
     key = light("AREA", "Key", 300, (-3, -3, 4), (0.7, 0, -0.6), size=0.6)
     key.light_linking.blocker_collection = linked("no ball in the middle", (), [middle])
@@ -64,7 +65,7 @@ def shadow_links():
 
 
 def linked_instances():
-    """Instances of a collection, of which one instancer is linked."""
+    """Instances of a collection, one of whose instancers is linked."""
     floor()
     clay = material("clay", Base_Color=(0.7, 0.5, 0.3, 1), Roughness=0.6)
     kept = bpy.data.collections.new("Kept")
@@ -88,7 +89,7 @@ def linked_instances():
 
 
 def shadowless():
-    """A lamp of each kind that casts no shadows, and one that does."""
+    """A light of each type without shadows, and one with shadows."""
     row()
     light("AREA", "Key", 200, (-3, -3, 4), (0.7, 0, -0.6), size=0.8, use_shadow=False)
     light("SUN", "Sun", 1.0, rotation=(0.9, 0.3, 0.5), angle=0.05, use_shadow=False)

@@ -1,4 +1,4 @@
-"""Scenes of Blender about materials."""
+"""Blender scenes with various materials."""
 
 import bpy
 import numpy as np
@@ -32,7 +32,7 @@ def shaders():
 
 
 def plastic(glossy):
-    """Diffuse under a gloss, mixed by Fresnel."""
+    """Diffuse and glossy, mixed by Fresnel."""
     made, tree, mix = shader("plastic", "MixShader")
     fresnel, under, over = (tree.nodes.new(f"ShaderNode{k}") for k in ("Fresnel", "BsdfDiffuse", glossy))
     fresnel.inputs["IOR"].default_value = 1.5
@@ -45,7 +45,7 @@ def plastic(glossy):
 
 
 def veil():
-    """Half transparent."""
+    """Half-transparent."""
     made, tree, mix = shader("veil", "MixShader")
     clear, cloth = tree.nodes.new("ShaderNodeBsdfTransparent"), tree.nodes.new("ShaderNodeBsdfDiffuse")
     cloth.inputs["Color"].default_value = (0.8, 0.3, 0.2, 1)
@@ -56,7 +56,7 @@ def veil():
 
 
 def principled():
-    """Inputs of the Principled shader that glTF's exporter leaves out or alters."""
+    """Inputs of the Principled BSDF that glTF's exporter drops or changes."""
     floor()
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
@@ -74,7 +74,7 @@ def principled():
 
 
 def procedural():
-    """Node trees that no picture holds."""
+    """Procedural textures."""
     made = material("checker", Roughness=0.7)
     tree, shader_node = made.node_tree, made.node_tree.nodes["Principled BSDF"]
     checker, coordinates = tree.nodes.new("ShaderNodeTexChecker"), tree.nodes.new("ShaderNodeTexCoord")
@@ -102,7 +102,7 @@ def noisy(name, into, **inputs):
 
 
 def textured():
-    """Pictures on base colour, roughness and normals."""
+    """Textured base colour, roughness and normals."""
     rng = np.random.default_rng(1)
     made = material("tiles")
     tree, shader_node = made.node_tree, made.node_tree.nodes["Principled BSDF"]
@@ -131,7 +131,7 @@ def eight_bit(name, values):
 
 
 def posed():
-    """An armature, shape keys and a camera on a path, in the middle of their motion."""
+    """An armature, shape keys and a camera on a path, at an intermediate frame."""
     floor()
     world((0.3, 0.35, 0.4))
     light("SUN", "Sun", 3, rotation=(0.7, 0.4, 0.2), angle=0.1)
@@ -162,7 +162,7 @@ def posed():
 
 
 def groups():
-    """Shaders in node groups, with inputs from outside and pictures that are changed on the way."""
+    """Shaders in node groups, with group inputs and modified textures."""
     floor()
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
@@ -205,7 +205,7 @@ def shader_group(name, group):
 
 
 def leaves():
-    """Cards cut out by a picture's alpha, bumps, and particles."""
+    """Alpha-masked leaf cards, bumps, and particles."""
     floor()
     world((0.4, 0.45, 0.5))
     light("SUN", "Sun", 3, rotation=(0.7, 0.4, 0.2), angle=0.1)

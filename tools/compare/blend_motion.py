@@ -1,4 +1,4 @@
-"""An animation of Blender, frame by frame: `oscura render scene.blend --frames` beside Cycles.
+"""A Blender animation, frame by frame: `oscura render scene.blend --frames` against Cycles.
 
     python blend_motion.py FOLDER [FRAMES]        with a Python that has bpy, numpy and Pillow
 
@@ -35,7 +35,7 @@ def motion():
 
 
 def _tube():
-    """Bends at its second bone."""
+    """A tube that bends at its second bone."""
     tube = scenes.add(
         "cylinder", scenes.material("tube", Base_Color=(0.2, 0.6, 0.3, 1), Roughness=0.4), (-2, 1, 1.2), "Tube", True,
         radius=0.3, depth=2.4, vertices=24,
@@ -76,7 +76,7 @@ def _hierarchy():
 
 
 def _shape_keys():
-    """A ball that swells to one side."""
+    """A sphere with a shape key that bulges to one side."""
     ball = scenes.ball(scenes.material("dough", Base_Color=(0.6, 0.3, 0.5, 1), Roughness=0.6), (2, -1, 0.6), 0.5, "Dough")
     ball.shape_key_add(name="Basis")
     swollen = ball.shape_key_add(name="Swollen")
@@ -106,5 +106,5 @@ def main():
 if __name__ == "__main__":
     main()
     sys.stdout.flush()
-    # The module `bpy` may hang while it tidies up.
+    # The module `bpy` may hang at exit.
     os._exit(0)

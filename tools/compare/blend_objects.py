@@ -1,4 +1,4 @@
-"""Scenes of Blender about cameras, objects, and what rays see of them."""
+"""Blender scenes with camera settings, objects, and ray visibility."""
 
 import bpy
 
@@ -17,7 +17,7 @@ def depth_of_field():
 
 
 def blades():
-    """Lights out of focus are as the lens: five blades, turned, and narrow."""
+    """Bokeh: five blades, rotated, and anamorphic."""
     floor()
     world((0.05, 0.05, 0.05))
     for i in range(5):
@@ -30,7 +30,7 @@ def blades():
 
 
 def unseen():
-    """Things that only mirrors and shadows know."""
+    """Objects visible to mirrors and shadows only."""
     floor()
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 200, (-3, -3, 5), (0.6, -0.5, 0), size=2)
@@ -44,7 +44,7 @@ def unseen():
 
 
 def visibility():
-    """Things that some kinds of rays don't see, lamps among them."""
+    """Ray visibility of objects and lights."""
     floor()
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 200, (-3, -3, 5), (0.6, -0.5, 0), size=2)
@@ -59,7 +59,7 @@ def visibility():
 
 
 def world_unseen():
-    """A world that glossy and refracted rays don't see, and things that only some rays see in it."""
+    """A world hidden from glossy and transmission rays, and objects visible to some rays only."""
     floor()
     world((0.3, 0.35, 0.4))
     scene().world.cycles_visibility.glossy = scene().world.cycles_visibility.transmission = False
@@ -80,7 +80,7 @@ def orthographic():
 
 
 def portrait():
-    """A tall picture: the sensor's width holds for the height."""
+    """A portrait picture: the sensor width applies to the height."""
     scene().render.resolution_x, scene().render.resolution_y = 180, 240
     scene().render.resolution_percentage = 50
     still_life()
@@ -121,7 +121,7 @@ def instances():
 
 
 def scatter():
-    """Balls on the vertices of a grid, by geometry nodes."""
+    """Spheres on the vertices of a grid, by geometry nodes."""
     grid = add("grid", None, (1, 3, 0.2), "Scatter", x_subdivisions=5, y_subdivisions=4, size=3)
     tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
@@ -140,7 +140,7 @@ def scatter():
 
 
 def hidden_things():
-    """Only what a final render shows counts: not the viewport, not excluded collections; film transparent."""
+    """Render visibility: viewport settings and excluded collections are ignored; film transparent."""
     still_life()
     world((0.4, 0.3, 0.2))
     light("POINT", "Key", 100, (-3, -3, 3), shadow_soft_size=0.2)
@@ -158,7 +158,7 @@ def hidden_things():
 
 
 def other_objects():
-    """Text, curves and metaballs; a material on the object; an object without a material."""
+    """Text, curves and metaballs; a material linked to the object; an object without material."""
     floor()
     world((0.3, 0.35, 0.4))
     light("SUN", "Sun", 3, rotation=(0.7, 0.4, 0.2), angle=0.1)

@@ -1,4 +1,4 @@
-"""Scenes of Blender that panoramic cameras see."""
+"""Blender scenes with panoramic cameras."""
 
 import math
 
@@ -6,7 +6,7 @@ from blend_parts import add, ball, camera, floor, light, material, scene, world
 
 
 def _around():
-    """Things in all directions of the origin."""
+    """Objects in all directions around the origin."""
     floor()
     world((0.3, 0.35, 0.5))
     light("SUN", "Sun", 2, rotation=(0.5, 0.3, 0), angle=math.radians(8))

@@ -1,4 +1,4 @@
-"""What scenes of Blender are made of, with `bpy`: objects, lamps, worlds, materials, cameras."""
+"""Building blocks of Blender scenes with `bpy`: objects, lights, worlds, materials, cameras."""
 
 import bpy
 import numpy as np
@@ -42,7 +42,7 @@ def world(color=(0.1, 0.1, 0.1), strength=1.0):
 
 
 def material(name, **inputs):
-    """A Principled material; underscores stand for spaces."""
+    """A Principled material; underscores in names stand for spaces."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     principled = made.node_tree.nodes["Principled BSDF"]
@@ -52,7 +52,7 @@ def material(name, **inputs):
 
 
 def shader(name, kind, **inputs):
-    """A material of one other shader node; gives the material, its tree and the node."""
+    """A material of one other shader node; returns the material, its tree and the node."""
     made = bpy.data.materials.new(name)
     made.use_nodes = True
     tree = made.node_tree
@@ -93,7 +93,7 @@ def still_life():
 
 
 def picture(name, pixels):
-    """A picture of rows of linear RGB, packed into the file."""
+    """An image from rows of linear RGB, packed into the file."""
     height, width = pixels.shape[:2]
     image = bpy.data.images.new(name, width, height, float_buffer=True)
     full = np.ones((height, width, 4), np.float32)
@@ -104,14 +104,14 @@ def picture(name, pixels):
 
 
 def keyed(owner, path, values):
-    """Animates what a path leads to: its values by frame."""
+    """Keyframes a property path: its values by frame."""
     for frame, value in values.items():
         setattr(owner, path, value)
         owner.keyframe_insert(path, frame=frame)
 
 
 def lit():
-    """An even world and one area lamp."""
+    """A constant world and one area light."""
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
 
@@ -123,7 +123,7 @@ def new_nodes(made, *kinds):
 
 
 def by_ramp(tree, source, node, name="Base Color"):
-    """Colours an input by a number."""
+    """Colours an input by a number through a ramp."""
     ramp = tree.nodes.new("ShaderNodeValToRGB")
     ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.8, 0.05, 0.05, 1), (0.05, 0.2, 0.9, 1)
     middle = ramp.color_ramp.elements.new(0.5)

@@ -1,4 +1,4 @@
-"""What comparisons of scenes of Blender are made with: scenes rendered by Cycles and by oscura, and how much the pictures differ."""
+"""Shared by comparisons of Blender scenes: rendering by Cycles and by oscura, and differences of the pictures."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Scenes of Blender as artists build them, made with `bpy`: each is a function that fills an empty scene. See blend.py."""
+"""All Blender scenes, made with `bpy`: each is a function that fills an empty scene. See blend.py."""
 
 from blend_light import (
     area_lights,
@@ -41,7 +41,7 @@ from blend_objects import (
     visibility,
     world_unseen,
 )
-from blend_blur import blurred, blurred_camera
+from blend_motion_blur import blurred, blurred_camera
 from blend_glass import jewels, splitting_glass, tinted_glass
 from blend_links import light_links, linked_instances, shadow_links, shadowless
 from blend_interiors import INTERIORS
@@ -53,15 +53,15 @@ from blend_panoramas import (
     mirror_ball,
     panorama_out_of_focus,
 )
-from blend_points import points
+from blend_point_clouds import points
 from blend_rooms import bottle, bust, kitchen, meadow, street, titles
 from blend_shapes import furs, generated, keyed_materials
-from blend_sheets import drowned, glowing_glass, pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node, window_within
+from blend_open_surfaces import drowned, glowing_glass, pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node, window_within
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
-from blend_places import places_color, places_forms, places_light, places_shaders
-from blend_habits import clear_pictures, cut_hair, indirect_things, lampshades, stretched_lamps
+from blend_facing_textures import places_color, places_forms, places_light, places_shaders
+from blend_user_setups import clear_pictures, cut_hair, indirect_things, lampshades, stretched_lamps
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, vector_reliefs, waxen
-from blend_studio import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, soft_profiles, strands, udims
+from blend_features import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, soft_profiles, strands, udims
 from blend_trees import (
     bright_bakes,
     fresnel_behind,

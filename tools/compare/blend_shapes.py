@@ -1,5 +1,4 @@
-"""Scenes of Blender about what meshes, strands and node trees were before they got their shape and moment: patterns on what is bent
-and repeated, colours of fur, animated materials."""
+"""Blender scenes with generated coordinates on deformed and repeated meshes, hair colours, and animated materials."""
 
 import math
 
@@ -19,7 +18,7 @@ def _pattern(name, kind="TexNoise", scale=5.0):
 
 
 def generated():
-    """Patterns by generated coordinates on what modifiers and shape keys bend, repeat and inflate."""
+    """Procedural textures by generated coordinates on objects with modifiers and shape keys."""
     lit()
     camera()
     floor()
@@ -68,7 +67,7 @@ def _grow(obj, of, count=2500, length=0.3, **settings):
 
 
 def _blades(count=400):
-    """Curves that lean by chance, of the colour of theirs."""
+    """Randomly leaning curves with a colour attribute."""
     chance = np.random.default_rng(1)
     roots = np.stack([chance.uniform(-2, 2, count), chance.uniform(-2.6, -1.4, count), np.zeros(count)], 1)
     lean = chance.uniform(-0.15, 0.15, (count, 3))
@@ -86,7 +85,8 @@ def _blades(count=400):
 
 
 def furs():
-    """Fur by a picture on its skin, with children; pigment by chance with dye; dark roots and light tips over noise; grass by chance."""
+    """Fur coloured by its skin's texture, with children; random melanin with dye; dark roots and light tips over noise; random
+    grass."""
     lit()
     camera((0, -6, 3), (1.1, 0, 0), lens=40)
     floor()
@@ -119,7 +119,7 @@ def furs():
 
 
 def keyed_materials():
-    """Materials, a world and a row of boxes by keys and drivers, seen by a camera that a marker chooses."""
+    """Materials, a world and a row of boxes with keyframes and drivers, and a camera bound to a marker."""
     tree, background = world((0.8, 0.8, 0.85), 0.8)
     for frame, strength in ((1, 0.2), (40, 1.4)):
         background.inputs["Strength"].default_value = strength

@@ -1,4 +1,4 @@
-"""Scenes of Blender about node trees whose values differ by object, side, view or kind of ray."""
+"""Blender scenes with node trees that depend on object, side, view or ray type."""
 
 import bpy
 
@@ -6,7 +6,7 @@ from blend_parts import add, ball, by_ramp, camera, floor, link, lit, material, 
 
 
 def object_info():
-    """Balls of one mesh and one material that are coloured by chance, by their colour, place and number; instances, too."""
+    """Spheres with one mesh and material coloured by Object Info: random, colour, location and index; instances, too."""
     floor()
     lit()
     random, own, place, number = (material(name, Roughness=0.7) for name in ("random", "own", "place", "number"))
@@ -40,7 +40,7 @@ def object_info():
 
 
 def object_noise():
-    """Noise by where objects stand, moved by a property of each."""
+    """Noise by object location, offset by a custom property."""
     floor()
     lit()
     made = material("speckled", Roughness=0.8)
@@ -59,7 +59,7 @@ def object_noise():
 
 
 def instancer_attributes():
-    """Instances of geometry nodes that carry a colour, and objects of particles that know their number."""
+    """Geometry nodes instances with a colour attribute, and particles with their index."""
     lit()
     tinted = material("tinted", Roughness=0.8)
     tree, principled, own = new_nodes(tinted, "Attribute")
@@ -105,7 +105,7 @@ def instancer_attributes():
 
 
 def two_sides():
-    """Cards with another colour behind, and one that is not there from behind."""
+    """Cards with another colour on the back, and one transparent from behind."""
     floor()
     lit()
     made, tree, mix = shader("two colours", "MixShader")
@@ -134,7 +134,8 @@ def two_sides():
 
 
 def fresnel_behind():
-    """Sheets that mirror by Fresnel and let light pass, in front and behind, where they mirror at flat angles wholly."""
+    """Sheets that reflect by Fresnel and are otherwise transparent, from front and back, with total reflection at grazing
+    angles behind."""
     floor()
     tree, background = world()
     gradient, place, height = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ValToRGB", "TexCoord", "SeparateXYZ"))
@@ -157,7 +158,8 @@ def fresnel_behind():
 
 
 def ray_tricks():
-    """Glass that casts no shadow, a lamp that looks otherwise than it shines, a box that only mirrors see, one without."""
+    """Light Path: glass without shadows, a light with separate camera colour, a box visible only in mirrors, one invisible
+    there."""
     floor()
     lit()
     clear, tree, mix = shader("clear shadow", "MixShader")
@@ -187,13 +189,13 @@ def ray_tricks():
     tree.links.new(path.outputs["Is Glossy Ray"], mix.inputs[0])
     tree.links.new(nothing.outputs[0], mix.inputs[1])
     tree.links.new(red.outputs[0], mix.inputs[2])
-    # A little above the floor: where faces lie in one plane Cycles passes both at half of the samples.
+    # A little above the floor: where faces are coplanar Cycles passes both at half of the samples.
     add("cube", hidden, (2.6, -2, 0.62), "Hidden", size=1.2)
     camera()
 
 
 def view_trees():
-    """Gloss over a ground by Fresnel and by a layer's weight, a colour by facing, fog of the camera's distance."""
+    """Glossy over diffuse by Fresnel and by Layer Weight, a colour by facing, distance fog by Camera Data."""
     floor(_by_distance())
     lit()
     glossy = "BsdfAnisotropic" if hasattr(bpy.types, "ShaderNodeBsdfAnisotropic") else "BsdfGlossy"
@@ -228,7 +230,7 @@ def _by_distance():
 
 
 def bright_bakes():
-    """Screens whose light is a tree, brighter than white."""
+    """Emission textures above 1 from node trees."""
     floor()
     world((0, 0, 0))
     screen = material("screen", Base_Color=(0, 0, 0, 1), Emission_Strength=1.0)
@@ -254,7 +256,7 @@ def bright_bakes():
 
 
 def nooks():
-    """Ambient occlusion as a colour."""
+    """The Ambient Occlusion node as a colour."""
     made = material("worn", Roughness=0.9)
     tree, principled, nook = new_nodes(made, "AmbientOcclusion")
     nook.inputs["Distance"].default_value = 1.0

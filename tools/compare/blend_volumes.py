@@ -1,4 +1,4 @@
-"""Scenes of Blender with volume objects: .vdb files that stand anyhow, fire, volumes by modifiers and nodes."""
+"""Blender scenes with volume objects: transformed .vdb files, fire, volumes by modifiers and nodes."""
 
 import sys
 from pathlib import Path
@@ -10,7 +10,7 @@ from blend_parts import add, ball, camera, floor, light, link, material, shader,
 
 
 def _vdb():
-    """OpenVDB's module, which Blender 4.4 and newer bring along."""
+    """OpenVDB's module, included in Blender 4.4 and newer."""
     sys.path.extend(str(path) for path in Path(bpy.utils.resource_path("LOCAL")).glob("python/lib/python*/site-packages"))
     import openvdb
 
@@ -35,7 +35,7 @@ def _write(path, voxel, origin, **grids):
 
 
 def _cloud(size=(40, 30, 24)):
-    """Lumps, nothing outside of a ball."""
+    """Noise, zero outside of a sphere."""
     x, y, z = _places(size)
     lumps = 0.5 + 0.5 * np.sin(7 * x + 2) * np.sin(5 * y + 1) * np.sin(6 * z)
     return np.maximum(1 - x**2 - y**2 - z**2, 0) * lumps * 2
@@ -49,7 +49,7 @@ def volume(path, of, name, *place):
 
 
 def of_volume(name, kind, **inputs):
-    """A material with nothing but a volume; gives its tree and the volume's node."""
+    """A volume-only material; returns its tree and the volume node."""
     made, tree, node = shader(name, kind, **inputs)
     tree.links.remove(tree.nodes["Material Output"].inputs["Surface"].links[0])
     tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
@@ -63,7 +63,7 @@ def _sunny():
 
 
 def clouds(folder):
-    """A cloud that is turned and scaled, its mirror image, one that is bent and in the world's measure, and balls in between."""
+    """A rotated and scaled cloud, its mirror image, one with world-space density, and spheres between them."""
     _write(folder / "cloud.vdb", 0.05, (-1, -0.75, -0.6), density=_cloud())
     _sunny()
     white, _, _ = of_volume("white cloud", "VolumePrincipled", Density=4.0, Anisotropy=0.5, Color=(0.95, 0.9, 0.8, 1))
@@ -78,7 +78,7 @@ def clouds(folder):
 
 
 def fire(folder):
-    """A flame of a few thousand kelvins with its smoke above."""
+    """A flame at some thousand kelvins with smoke above."""
     x, y, z = _places((32, 32, 48))
     ring = x**2 + y**2
     heat = np.maximum(1 - 1.6 * ring - (z + 0.2) ** 2, 0)
@@ -94,7 +94,7 @@ def fire(folder):
 
 
 def flames(folder):
-    """What shines by a grid of its own, tinted, and coloured smoke by Attribute nodes."""
+    """Emission by its own grid, tinted, and coloured smoke by Attribute nodes."""
     x, y, z = _places((24, 24, 24))
     _write(folder / "flames.vdb", 0.06, (-0.7, -0.7, -0.7), density=_cloud((24, 24, 24)), flame=np.maximum(1 - x**2 - y**2 - z**2, 0))
     _sunny()
@@ -115,7 +115,7 @@ def flames(folder):
 
 
 def made_volumes():
-    """Volumes by geometry nodes, placed twice, and one that a modifier makes of a mesh."""
+    """Volumes by geometry nodes, instanced twice, and one by the Mesh to Volume modifier."""
     _sunny()
     haze, _, _ = of_volume("haze", "VolumePrincipled", Density=3.0)
     tree = bpy.data.node_groups.new("Lumps", "GeometryNodeTree")
@@ -139,13 +139,13 @@ def made_volumes():
 
 
 def _puff(size, power, *shift):
-    """A round lump."""
+    """A spherical puff."""
     x, y, z = _places(size)
     return np.maximum(1 - (x - shift[0]) ** 2 - (y - shift[1]) ** 2 - (z - shift[2]) ** 2, 0) ** power
 
 
 def clouds_together(folder):
-    """Three clouds that overlap, each of another colour and thickness, one of which scatters forward."""
+    """Three overlapping clouds of different colour and density, one of which scatters forward."""
     _write(folder / "together.vdb", 0.05, (-1, -0.75, -0.6), density=_cloud())
     _sunny()
     for k, (density, color, cosine, *place) in enumerate((
@@ -160,7 +160,7 @@ def clouds_together(folder):
 
 
 def fire_in_smoke(folder):
-    """A flame in smoke that is an object of its own, with the same box, both within a third cloud of coloured absorption."""
+    """A flame in smoke that is a separate object, with the same box, both within a third cloud with coloured absorption."""
     size = (32, 32, 48)
     _write(folder / "flame.vdb", 0.05, (-0.8, -0.8, 0), density=_puff(size, 2, 0, 0, -0.2), temperature=_puff(size, 1, 0, 0, -0.3) * 2200)
     _write(folder / "smoke.vdb", 0.05, (-0.8, -0.8, 0), density=_puff(size, 1, 0.1, 0.1, 0.3))
@@ -200,7 +200,8 @@ def foggy_room(folder):
 
 
 def made_densities():
-    """Volumes of meshes whose density is a node tree: fog by noise in a turned, stretched box, and a cloud by a ball's gradient and noise."""
+    """Mesh volumes with procedural density: noise fog in a rotated, stretched box, and a cloud by a spherical gradient and
+    noise."""
     floor()
     camera()
     world((0.3, 0.35, 0.4))

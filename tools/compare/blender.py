@@ -1,4 +1,4 @@
-"""Blender's exports beside what Cycles makes of the same scenes, object by object.
+"""Blender's glTF exports against Cycles' renders of the same scenes, per object.
 
     python blender.py FOLDER REFERENCES OUT [SCENE...]
 
@@ -20,7 +20,7 @@ import common
 SAMPLES = int(os.environ.get("SAMPLES", "1024"))
 SIZE = 256
 
-# Balls are measured to this share of their radius.
+# Spheres are measured up to this fraction of their radius.
 INSIDE = 0.93
 
 
@@ -36,7 +36,7 @@ def rotation(node):
 
 
 def rays(gltf):
-    """Origin and directions through the centres of the pixels, of a camera that is a root."""
+    """Origin and directions through the pixel centres, of a camera without parents."""
     node = next(n for n in gltf["nodes"] if "camera" in n)
     tangent = np.tan(gltf["cameras"][node["camera"]]["perspective"]["yfov"] / 2)
     at = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * tangent
@@ -47,7 +47,7 @@ def rays(gltf):
 
 
 def through_ball(origin, d, centre, radius):
-    """Distance to a ball along each ray, infinite where it is missed."""
+    """Distance to a sphere along each ray, infinite for misses."""
     to = centre - origin
     along = d @ to
     gap = np.linalg.norm(to) ** 2 - along**2
@@ -55,7 +55,7 @@ def through_ball(origin, d, centre, radius):
 
 
 def through_box(origin, d, centre, turn, low, high):
-    """Distance to a turned box along each ray, infinite where it is missed."""
+    """Distance to a rotated box along each ray, infinite for misses."""
     o, d = turn.T @ (origin - centre), d @ turn
     with np.errstate(divide="ignore"):
         t = np.stack([(low - o) / d, (high - o) / d])
@@ -64,7 +64,7 @@ def through_box(origin, d, centre, turn, low, high):
 
 
 def objects(gltf):
-    """(name of the material, centre, rotation, low, high, is it a ball) of each node with a mesh."""
+    """(name of the material, centre, rotation, low, high, is it a sphere) of each node with a mesh."""
     for node in gltf["nodes"]:
         if "mesh" not in node or "scale" in node:
             continue
@@ -78,7 +78,7 @@ def objects(gltf):
 
 
 def masks(gltf):
-    """By material: the pixels that surely show it. Flat things are found by what is left."""
+    """By material: pixels that certainly show it. Flat objects get the remaining pixels."""
     origin, d = rays(gltf)
     nearest = np.full(d.shape[:2], np.inf)
     owner = np.full(d.shape[:2], -1)
@@ -99,7 +99,7 @@ def masks(gltf):
 
 
 def shrunk(mask):
-    """Without the pixels at its edge."""
+    """Eroded by one pixel."""
     padded = np.pad(mask, 1)
     return padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
 
@@ -138,7 +138,7 @@ def cycles_anisotropy(material):
 
 
 def as_cycles(source, target):
-    """Writes a scene again so that known differences of the models are out of it."""
+    """Writes a scene with known differences of the models removed."""
     data = Path(source).read_bytes()
     length = int.from_bytes(data[12:16], "little")
     gltf, binary = json.loads(data[20 : 20 + length]), bytearray(data[28 + length :])
@@ -149,7 +149,7 @@ def as_cycles(source, target):
         view["byteOffset"], view["byteLength"] = len(binary), len(larger)
         binary += larger + bytes(-len(larger) % 4)
     for sampler in gltf.get("samplers", []):
-        sampler["minFilter"] = 9729  # linear: Cycles knows no mip levels
+        sampler["minFilter"] = 9729  # linear: Cycles has no mip maps
     for material in gltf["materials"]:
         cycles_anisotropy(material)
     gltf["buffers"][0]["byteLength"] = len(binary)

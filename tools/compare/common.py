@@ -1,4 +1,4 @@
-"""What the comparisons share: running oscura, pictures with their noise, and the test of agreement.
+"""Shared by comparisons: running oscura, pictures with their noise, and the test of agreement.
 
 A `Picture` is the mean of independent renders of one scene together with the variance of that mean. Two pictures agree
 where their difference is no more than their noise explains.
@@ -23,7 +23,7 @@ PLAIN = ["--microfacet", "single", "--terminator", "off", "--filter", "box", "--
 # Edge of the blocks that are tested, pixels. Blocks make the variance, estimated from two renders, a fair one.
 BLOCK = 8
 
-# What sums in single precision may be off by, as a share: it is all the noise that an even background has.
+# Relative rounding error of single-precision sums: the only noise of a constant background.
 ROUNDING = 1e-5
 
 
@@ -43,12 +43,12 @@ class Picture:
 
 @dataclass
 class Agreement:
-    """How a picture compares with a reference, over all pixels or those of a mask. Arrays go by channel."""
+    """Agreement of a picture with a reference, over all pixels or those of a mask. Arrays are per channel."""
 
     ratio: np.ndarray  # mean over the reference's mean
     sigma: np.ndarray  # standard error of the ratio
     z: np.ndarray  # difference of the means in standard errors
-    beyond_3: float  # share of blocks that differ by more than 3 standard deviations
+    beyond_3: float  # fraction of blocks that differ by more than 3 standard deviations
     blocks: int  # number of blocks times channels
 
     def holds(self):
@@ -57,14 +57,14 @@ class Agreement:
 
 
 def block_means(values):
-    """Means of square blocks; rows and columns that fill none are left out."""
+    """Means of square blocks; incomplete rows and columns are omitted."""
     height, width = (n // BLOCK * BLOCK for n in values.shape[:2])
     cut = values[:height, :width]
     return cut.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK, 3).mean((1, 3))
 
 
 def compare(ours, reference, mask=None):
-    """Compares two pictures; with a mask (height, width), its pixels, and the blocks that lie in it as a whole."""
+    """Compares two pictures; with a mask (height, width), its pixels, and the blocks completely inside."""
     inside = np.ones(ours.mean.shape[:2], bool) if mask is None else mask
     of = lambda values: values[inside].mean(0)
     sigma = np.sqrt((of(ours.variance) + of(reference.variance)) / inside.sum())
@@ -97,7 +97,7 @@ def read(path):
 
 
 def render(scene, out, options, samples, seeds=(1, 2)):
-    """oscura's picture of a scene file, with its noise."""
+    """Renders a scene file by oscura, with its noise."""
     program = os.environ.get("OSCURA", str(PROJECT / "target/release/oscura"))
     parts = []
     for seed in seeds:
@@ -111,7 +111,7 @@ def render(scene, out, options, samples, seeds=(1, 2)):
 
 
 def find_llvm():
-    """Points Mitsuba at a libLLVM that it can use: the Rust toolchain brings one."""
+    """Points Mitsuba at a usable libLLVM: the Rust toolchain brings one."""
     if "DRJIT_LIBLLVM_PATH" not in os.environ:
         found = glob.glob(os.path.expanduser("~/.rustup/toolchains/*/lib/libLLVM.so*"))
         if found:

@@ -1,4 +1,4 @@
-"""Curves and hair against Mitsuba 3: strands that grow out of the floor of the small scene of `booth.py`.
+"""Curves and hair against Mitsuba 3: strands that grow out of the floor of the small scene of `material_scene.py`.
 
     python hair.py FOLDER [NAME...]
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-import booth
+import material_scene
 import common
 import mitsuba as mi
 
@@ -35,7 +35,7 @@ def strands(count, radius, points, seed):
 
 
 def straight(count, radius, seed):
-    """Leaning posts out of the floor, up beyond the picture."""
+    """Leaning straight strands out of the floor, beyond the top of the picture."""
     random = np.random.default_rng(seed)
     foot = np.column_stack([random.uniform(-1, 1, count), np.full(count, -1.4), random.uniform(-0.8, 0.4, count)])
     lean = np.column_stack([random.uniform(-1.5, 1.5, count), np.full(count, 6.0), random.uniform(-1, 1, count)])
@@ -43,27 +43,27 @@ def straight(count, radius, seed):
 
 
 def write(path, points, radii, first):
-    """Writes strands: the formats differ by their first line."""
+    """Writes strands: the formats differ in their first line."""
     lines = ["\n".join(f"{x:.7g} {y:.7g} {z:.7g} {r:.7g}" for (x, y, z), r in zip(p, q)) for p, q in zip(points, radii)]
     path.write_text(first + "\n\n".join(lines) + "\n")
 
 
 def as_spline(points, radii, count=9):
-    """Straight strands as B-splines, which go on a little beyond their ends."""
+    """Straight strands as B-splines, which extend slightly beyond their ends."""
     t = np.linspace(-0.2, 1.2, count)[None, :, None]
     return points[:, :1] + (points[:, 1:] - points[:, :1]) * t, np.repeat(radii[:, :1], count, 1)
 
 
 def hair(absorption, roughness, radial, tilt):
     ours = {"type": "hair", "absorption": absorption, "roughness": roughness, "radial_roughness": radial, "tilt": tilt}
-    theirs = {"type": "hair", "sigma_a": booth.rgb(absorption), "longitudinal_roughness": roughness}
+    theirs = {"type": "hair", "sigma_a": material_scene.rgb(absorption), "longitudinal_roughness": roughness}
     theirs |= {"azimuthal_roughness": radial, "scale_tilt": tilt, "int_ior": 1.55, "ext_ior": 1.0}
     return {**ours, "ior": 1.55}, theirs
 
 
 def cases():
     """(name, strands, basis, oscura's material, Mitsuba's BSDF)."""
-    clay = {"type": "lambert", "color": [0.8, 0.4, 0.1]}, {"type": "diffuse", "reflectance": booth.rgb([0.8, 0.4, 0.1])}
+    clay = {"type": "lambert", "color": [0.8, 0.4, 0.1]}, {"type": "diffuse", "reflectance": material_scene.rgb([0.8, 0.4, 0.1])}
     thick, thin = strands(9, 0.07, 9, 3), strands(600, 0.006, 9, 4)
     yield "linear diffuse", straight(9, 0.08, 5), "linear", *clay
     yield "bspline diffuse", thick, "bspline", *clay
@@ -93,10 +93,10 @@ def main():
             (points, radii), basis = as_spline(points, radii), "bspline"
         write(folder / f"{stem}.txt", points, radii, "")
         path = folder / f"{stem}.toml"
-        booth.oscura_scene(path, subject, {"subject": material}, "curves", "[[curves]]")
-        ours = booth.oscura_picture(path, SAMPLES)
+        material_scene.oscura_scene(path, subject, {"subject": material}, "curves", "[[curves]]")
+        ours = material_scene.oscura_picture(path, SAMPLES)
         shape = {"type": f"{basis}curve", "filename": str(folder / f"{stem}.txt"), "bsdf": theirs}
-        reference = booth.mitsuba_picture(theirs, "curves", SAMPLES, subject=shape)
+        reference = material_scene.mitsuba_picture(theirs, "curves", SAMPLES, subject=shape)
         common.difference_picture(path.with_suffix(".difference.png"), ours, reference)
         a = common.compare(ours, reference)
         failed += not a.holds()

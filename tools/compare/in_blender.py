@@ -50,7 +50,7 @@ def channels(path):
 
 
 class Compositor:
-    """A scene of nothing but nodes, whose results go to a file of many layers."""
+    """A compositing scene whose results are written to a multi-layer file."""
 
     def __init__(self, picture, target):
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -129,7 +129,7 @@ class Compositor:
 
 
 def _choices(node, name):
-    """The values of an enumeration that only the error of a wrong one tells."""
+    """The values of an enumeration, which only the error message of an invalid one lists."""
     try:
         setattr(node, name, "?")
     except TypeError as error:
@@ -139,7 +139,7 @@ def _choices(node, name):
 
 
 def difference(a, b):
-    """The largest difference of two planes; bits that are no number are equal to themselves."""
+    """The largest difference of two planes; NaNs of equal bits are equal."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     with np.errstate(invalid="ignore"):
         gap = np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, abs(a - b))
@@ -147,7 +147,7 @@ def difference(a, b):
 
 
 def check_passes(path, folder):
-    """Compares all passes; gives their number and what differs."""
+    """Compares all passes; returns their number and the differences."""
     _, _, truth = channels(path)
     compositor = Compositor(path, folder / "passes")
     asked, wrong = {}, []
@@ -177,7 +177,7 @@ def check_passes(path, folder):
 
 
 def check_mattes(path, folder):
-    """Compares all mattes of all kinds; gives their number, the largest difference and what is missing."""
+    """Compares all mattes of all kinds; returns their number, the largest difference and missing ones."""
     planes, texts, _ = channels(path)
     compositor = Compositor(path, folder / "mattes")
     shown, expected, wrong = compositor.mattes(), {}, []
@@ -204,7 +204,7 @@ def check_mattes(path, folder):
 
 
 def shares(planes, prefix, wanted):
-    """What an id covers of each pixel, by the file's ranks."""
+    """The coverage of an id in each pixel, by the file's ranks."""
     matte, level = np.zeros((SIZE[1], SIZE[0])), 0
     while f"{prefix}{level:02}.R" in planes:
         for id_name, share in ("RG", "BA"):
@@ -228,7 +228,7 @@ def main(folder, scene):
         failed |= bool(wrong or missing)
     print(f"Blender {bpy.app.version_string}\n\n| Layout | passes | mattes | largest difference of a matte | what differs |\n|---|---:|---:|---:|---|")
     print("\n".join(lines), flush=True)
-    # The module `bpy` may hang while it tidies up.
+    # The module `bpy` may hang at exit.
     os._exit(1 if failed else 0)
 
 

@@ -82,7 +82,7 @@ class Picture:
 
 
 class Checks:
-    """Says what holds, and remembers what doesn't."""
+    """Prints each check, and remembers failures."""
 
     def __init__(self):
         self.failed = 0
@@ -110,7 +110,7 @@ def check_sums(checks, picture, scene):
 
 
 def check_mattes(checks, picture, single, scene):
-    """`single` has one sample a pixel: there an object covers all of a pixel or nothing."""
+    """`single` has one sample per pixel: there an object's coverage is 0 or 1."""
     for kind, number in zip(MATTES, ["object.id", "material.id", None]):
         manifest = picture.manifest(kind)
         right = all(matte_id(name) == id for name, id in manifest.items())
@@ -136,7 +136,7 @@ def check_mattes(checks, picture, single, scene):
 
 
 def check_means(checks, picture, singles, scene):
-    """Decoded mattes have the means of pictures that ask one sample a pixel which object it hit."""
+    """The means of decoded mattes agree with single-sample renders of object hits."""
     kind, number = "CryptoObject", "object.id"
     numbers = {}
     for single in singles:

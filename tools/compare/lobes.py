@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-import booth
+import material_scene
 import common
 import drjit as dr
 import mitsuba as mi
@@ -83,17 +83,17 @@ def ball(name, ours, theirs):
 
 def lobes():
     """(name, oscura's subject and material, Mitsuba's BSDF, shape) of each case."""
-    yield ball("diffuse", {"type": "lambert", "color": [0.8, 0.4, 0.1]}, booth.diffuse([0.8, 0.4, 0.1]))
+    yield ball("diffuse", {"type": "lambert", "color": [0.8, 0.4, 0.1]}, material_scene.diffuse([0.8, 0.4, 0.1]))
     for roughness in (0.1, 0.3, 0.5, 0.75, 1.0):
         alpha = roughness**2
         white = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": alpha}
         gold = {"type": "roughconductor", "distribution": "ggx", "alpha": alpha}
-        gold |= {key: booth.rgb(value) for key, value in GOLD.items()}
+        gold |= {key: material_scene.rgb(value) for key, value in GOLD.items()}
         measured = {"type": "metal", "name": "gold", "roughness": roughness}
         yield ball(f"roughconductor gold {roughness}", measured, adjusted(gold, alpha))
         schlick = {"type": "metal", "color": 0.5, "roughness": roughness}
         yield ball(f"roughconductor Schlick 0.5 {roughness}", schlick, adjusted(white, alpha, 0.5))
-    mirror = {"type": "conductor", **{key: booth.rgb(value) for key, value in GOLD.items()}}
+    mirror = {"type": "conductor", **{key: material_scene.rgb(value) for key, value in GOLD.items()}}
     yield ball("conductor gold", {"type": "metal", "name": "gold", "roughness": 0.0}, mirror)
     for ior in (1.33, 1.5, 2.4):
         ours = {"type": "dielectric", "ior": ior}
@@ -112,7 +112,7 @@ def sheet(name, texels, material, theirs, shape="sheet"):
     def write(folder):
         stem = name.replace(" ", "-")
         write_png(folder / f"{stem}.png", texels)
-        write_sheet(folder / f"{stem}.gltf", quad(*booth.SHEET), material, [f"{stem}.png"])
+        write_sheet(folder / f"{stem}.gltf", quad(*material_scene.SHEET), material, [f"{stem}.png"])
         return [f'mesh = "{stem}.gltf"'], None
 
     return name, write, theirs, shape
@@ -150,13 +150,13 @@ def sheets():
     for mode, values in (("BLEND", opacity), ("MASK", np.where(opacity > 127, 255, 0).astype(np.uint8))):
         texels = np.dstack([np.full((16, 16, 3), 255, np.uint8), values])
         material = {"pbrMetallicRoughness": {**LAMBERT, "baseColorTexture": {"index": 0}}, "alphaMode": mode, **NO_REFLECTION}
-        mask = {"type": "mask", "opacity": picture(values[..., None], "nearest"), "nested": booth.diffuse([0.8, 0.4, 0.1])}
+        mask = {"type": "mask", "opacity": picture(values[..., None], "nearest"), "nested": material_scene.diffuse([0.8, 0.4, 0.1])}
         yield sheet(f"mask {mode}", texels, material, mask)
     normals = bumps()
     # Backed, because Mitsuba's bent normals let light through where they face a viewer behind the sheet.
     map_ = {"normalTexture": {"index": 0}}
     bent = lambda nested: {"type": "normalmap", "normalmap": picture(normals, "bilinear"), "bsdf": nested, **UNSHADED}
-    diffuse = {"type": "diffuse", "reflectance": booth.rgb([0.8, 0.4, 0.1])}
+    diffuse = {"type": "diffuse", "reflectance": material_scene.rgb([0.8, 0.4, 0.1])}
     yield sheet("normalmap diffuse", normals, {"pbrMetallicRoughness": LAMBERT, **NO_REFLECTION, **map_}, bent(diffuse), "backed sheet")
     for roughness in (0.4, 0.7):
         alpha = roughness**2
@@ -176,9 +176,9 @@ def main():
             continue
         subject, material = write(folder)
         path = folder / f"{name.replace(' ', '-')}.toml"
-        booth.oscura_scene(path, subject, {"subject": material} if material else {}, shape)
-        ours = booth.oscura_picture(path, SAMPLES)
-        reference = booth.mitsuba_picture(theirs, shape, SAMPLES)
+        material_scene.oscura_scene(path, subject, {"subject": material} if material else {}, shape)
+        ours = material_scene.oscura_picture(path, SAMPLES)
+        reference = material_scene.mitsuba_picture(theirs, shape, SAMPLES)
         common.difference_picture(path.with_suffix(".difference.png"), ours, reference)
         a = common.compare(ours, reference)
         failed += not a.holds()

@@ -35,7 +35,7 @@ MEDIA = {
 
 
 def smoke():
-    """Puffs in a box of 1.6 metres, as z, y, x."""
+    """Noise in a box of 1.6 metres, as z, y, x."""
     n = 48
     z, y, x = (np.indices((n, n, n)) + 0.5) / n * 2 - 1
     waves = np.sin(9 * x + 4 * np.sin(7 * y)) * np.sin(8 * y + 3 * np.sin(6 * z)) * np.sin(7 * z + 2 * np.sin(5 * x))
@@ -44,7 +44,7 @@ def smoke():
 
 
 def write_vol(path, values):
-    """Mitsuba's format of grids, with the box that oscura fills."""
+    """Writes Mitsuba's grid format, with the box of oscura's medium."""
     d, h, w = values.shape
     head = b"VOL\x03" + struct.pack("<5I6f", 1, w, h, d, 1, -0.8, 0.2, -0.8, 0.8, 1.8, 0.8)
     path.write_bytes(head + values.tobytes())

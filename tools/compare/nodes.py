@@ -1,4 +1,4 @@
-"""Values of Cycles' shader nodes at points: the truth of a test in tests/pictures/nodes.rs. Writes tests/references/nodes/points.json.
+"""Values of Cycles' shader nodes at points: the truth of a test in tests/pictures/shader_nodes.rs. Writes tests/references/nodes/points.json.
 
     python -m venv blender && blender/bin/pip install bpy==5.0.1
     blender/bin/python tools/compare/nodes.py [PART OF A KIND]
@@ -170,7 +170,7 @@ def plane():
 
 
 def sources(tree):
-    """What letters stand for."""
+    """The values of the letters."""
     new, link = tree.nodes.new, tree.links.new
     place, mapping = new("ShaderNodeTexCoord"), new("ShaderNodeMapping")
     mapping.inputs["Rotation"].default_value = (0.7, 0.4, 0.3)
@@ -252,7 +252,7 @@ def pictures(item, batch):
 
 
 def ours(kind, settings, inputs, output):
-    """A case in our words."""
+    """A case in scene file keys."""
     name, names, outputs = KINDS[kind]
     if kind == "ShaderNodeMix":
         of = {"FLOAT": "Float", "VECTOR": "Vector", "RGBA": "Color"}[settings["data_type"]]

@@ -1,4 +1,4 @@
-"""What Cycles' shader nodes give that trace rays, Ambient Occlusion and Bevel: the truth of a test in tests/pictures/nodes.rs. Writes
+"""What Cycles' shader nodes give that trace rays, Ambient Occlusion and Bevel: the truth of a test in tests/pictures/shader_nodes.rs. Writes
 tests/references/nodes/rays.json and the meshes beside it.
 
     blender/bin/python tools/compare/nodes_rays.py [PART OF A LABEL]
@@ -18,7 +18,7 @@ from raw_exr import set_up  # noqa: E402
 
 
 def cases():
-    """By label: a node of Blender, and the same in a scene file (its output, its table)."""
+    """By label: a Blender node, and its counterpart in a scene file (its output, its table)."""
     found = {}
 
     def occlusion(label, output="AO", step=None, distance=1.0, color=(1.0, 1.0, 1.0), **settings):
@@ -78,7 +78,7 @@ def main():
         write_ply(FOLDER / f"{item.name}.ply", item)
     known = cases()
     values = {}
-    # One at a time: nodes that are alike are one in Cycles.
+    # One at a time: Cycles merges equal nodes.
     for case in known.items():
         if only in case[0]:
             values.update(pictures([case], items))

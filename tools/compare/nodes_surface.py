@@ -1,4 +1,4 @@
-"""What Cycles' shader nodes give on surfaces: the truth of tests/pictures/nodes.rs. Writes tests/references/nodes/surface.json, the meshes
+"""What Cycles' shader nodes give on surfaces: the truth of tests/pictures/shader_nodes.rs. Writes tests/references/nodes/surface.json, the meshes
 and pictures beside it.
 
     python -m venv blender && blender/bin/pip install bpy==5.0.1
@@ -30,7 +30,7 @@ OTHER = Matrix.LocRotScale(Vector((0.4, -0.2, 0.3)), Euler((0.3, 0.2, 0.5)), Vec
 
 
 def node(identifier, output, settings=None, inputs=None):
-    """A node of Blender with its settings, values of inputs, and the output that is asked for."""
+    """A Blender node with its settings, input values, and the selected output."""
     return {"node": identifier, "output": output, "settings": settings or {}, "inputs": inputs or {}}
 
 
@@ -39,7 +39,7 @@ def texture_coordinate(output):
 
 
 def cases():
-    """By label: a node of Blender, and the same in a scene file (its output, its table)."""
+    """By label: a Blender node, and its counterpart in a scene file (its output, its table)."""
     all_cases = {}
 
     def add(label, blender, output, **table):
@@ -100,7 +100,7 @@ def cases():
 
 
 def normals(add):
-    """Normals of maps and bumps."""
+    """Normal maps and bumps."""
     color = (0.7, 0.35, 0.85, 1)
     for space in ("TANGENT", "OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"):
         for strength in (1.0, 0.4):
@@ -123,7 +123,8 @@ def normals(add):
 
 
 def images(add):
-    """Image nodes in all their modes. Vectors that are no texture coordinates are read at points, as Cycles does."""
+    """Image nodes in all their modes. Vectors that are no texture coordinates are evaluated without derivatives, as Cycles
+    does."""
 
     def image(label, output, vector="object coordinates", alpha="", space="sRGB", **settings):
         blender = node("ShaderNodeTexImage", output, {"image": "picture.png", **settings}, {"Vector": vector})
@@ -154,7 +155,7 @@ def images(add):
 
 
 def write_picture(path):
-    """A picture of 12x8 texels with smooth and hard edges and alpha."""
+    """Writes an image of 12x8 texels with smooth and hard edges and alpha."""
     picture = bpy.data.images.new("picture", 12, 8, alpha=True)
     y, x = np.mgrid[0:8, 0:12]
     color = np.stack([x / 11, y / 7, ((x // 3 + y // 2) % 2) * 0.8 + 0.1, 0.3 + 0.7 * ((x + y) % 5 > 1)], -1)
@@ -227,7 +228,7 @@ def attributes(mesh):
 
 
 def scene():
-    """A ball before a plane; the name of each object with its matrix."""
+    """A sphere in front of a plane; the name of each object with its matrix."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
     ball = bpy.context.object
@@ -258,7 +259,7 @@ def scene():
 
 
 def material(batch, layer):
-    """A material with an output for the pictures of each case."""
+    """A material with an output for each case."""
     own = bpy.data.materials.new("cases")
     own.pass_index = 5
     own.use_nodes = True
@@ -346,7 +347,7 @@ def pictures(batch, items):
 
 
 def write_cases(path, known, values, camera, items):
-    """Writes the truth of a test; cases without new values keep their old ones."""
+    """Writes the references of a test; cases without new values keep their old ones."""
     before = json.loads(path.read_text())["cases"] if path.exists() and len(values) < len(known) else []
     kept = {case["label"]: case for case in before}
     for label, (blender, output, table) in known.items():

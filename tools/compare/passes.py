@@ -128,7 +128,7 @@ def triple(found, layer, letters="RGB"):
 
 
 def passes_of_cycles(found):
-    """In our names and conventions: light with its colour; y up."""
+    """Cycles' passes in oscura's names and conventions: light with its colour; y up."""
     passes = {"Combined": triple(found, "Combined"), "Emit": triple(found, "Emit"), "Env": triple(found, "Env")}
     for kind in ("Diff", "Gloss", "Trans"):
         color = triple(found, f"{kind}Col")
@@ -151,7 +151,7 @@ def passes_of_ours(found):
 
 
 def is_smooth(depth):
-    """Surfaces, but for where the depth leaps."""
+    """Surfaces, except at depth discontinuities."""
     wide = np.pad(depth, 1, mode="edge")
     near = np.stack([wide[y : y + depth.shape[0], x : x + depth.shape[1]] for y in range(3) for x in range(3)])
     return (near.max(0) < FAR) & (near.max(0) - near.min(0) < 0.3)

@@ -1,4 +1,4 @@
-"""Files of Blender that others made: what `oscura render file.blend` makes of each beside Cycles.
+"""Third-party Blender files: `oscura render file.blend` against Cycles.
 
     python public_files.py FOLDER OUT CYCLES [--samples 32] [--width 160] [--only NAME...] [--again]
     python public_files.py --summary OUT
@@ -61,14 +61,14 @@ def cpu():
 
 
 def set_all(owner, **values):
-    """Sets the properties that this version of Blender has."""
+    """Sets the properties that exist in this Blender version."""
     for name, value in values.items():
         if hasattr(owner, name):
             setattr(owner, name, value)
 
 
 def set_up(scene, width, samples):
-    """Has Cycles render the scene as the file says, but small, noisy and unprocessed; gives the height."""
+    """Sets Cycles up to render the scene as saved, but small, noisy and without post-processing; returns the height."""
     render = scene.render
     height = max(1, round(width * render.resolution_y / render.resolution_x))
     set_all(render, engine="CYCLES", resolution_x=width, resolution_y=height, resolution_percentage=100)
@@ -89,7 +89,7 @@ def set_up(scene, width, samples):
 
 
 def by_cycles(path, stem, width, samples):
-    """Renders a file to STEM.1.exr and STEM.2.exr; gives what is to be told of it."""
+    """Renders a file to STEM.1.exr and STEM.2.exr; returns what to report about it."""
     start = cpu()
     # Scripts of files that strangers made stay off, as with oscura.
     bpy.ops.wm.open_mainfile(filepath=path, use_scripts=False)
@@ -128,7 +128,7 @@ def in_blender(path, stem, width, samples):
 
 
 def run(command, log):
-    """Runs a program, which writes to a file; gives its exit code (None: it took too long), and what it used."""
+    """Runs a program that writes to a file; returns its exit code (None: timeout), and its resource use."""
     began = time.monotonic()
     with open(log, "wb") as output:
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, env=environment(), start_new_session=True)
@@ -152,7 +152,7 @@ def ended(code):
 
 
 def theirs(path, folder, width, samples):
-    """What Cycles made of a file, now or earlier."""
+    """Cycles' results for a file, cached or new."""
     stem = folder / path.stem
     key = {"sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "samples": samples, "width": width}
     kept = folder / f"{path.stem}.json"
@@ -175,7 +175,7 @@ def theirs(path, folder, width, samples):
 
 
 def ours(path, out, size, samples):
-    """What oscura makes of a file."""
+    """oscura's results for a file."""
     found = {}
     with tempfile.TemporaryDirectory(dir=out) as cache:
         for seed in SEEDS:
@@ -194,7 +194,7 @@ def ours(path, out, size, samples):
 
 
 def said(path, log, used):
-    """The messages of the program, and what it tells of its render."""
+    """The messages of the program, and its render report."""
     text = log.read_text(errors="replace")
     found = {}
     for kind in ("warning", "note"):
@@ -212,7 +212,7 @@ def said(path, log, used):
 
 
 def colors(path):
-    """The colours of a picture over black, and how many pixels are no number."""
+    """The colours of a picture over black, and the number of NaN pixels."""
     planes = channels(path)
     pixels = np.stack([planes[name] for name in "RGB"], -1).astype(np.float64)
     is_number = np.isfinite(pixels)
@@ -220,7 +220,7 @@ def colors(path):
 
 
 def measure(a, b):
-    """How two pictures of ours differ from two of Cycles."""
+    """Differences of two pictures of oscura from two of Cycles."""
     (a1, a2), (b1, b2) = a, b
     if a1.shape != b1.shape:
         return {"failed": f"oscura's picture is {a1.shape[1]} x {a1.shape[0]} pixels, Cycles' {b1.shape[1]} x {b1.shape[0]}"}
@@ -240,13 +240,13 @@ def measure(a, b):
 
 
 def variance(pictures):
-    """The mean variance of the displayed values of a picture, by two of different seeds."""
+    """The mean variance of the displayed values of a picture, by two seeds."""
     displayed = [np.clip(np.where(x < 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0) ** (1 / 2.4) - 0.055), 0, 1) for x in pictures]
     return float(((displayed[0] - displayed[1]) ** 2).mean() / 2)
 
 
 def speed(row):
-    """The speed at equal error, in times that of Cycles; None where there is nothing to measure."""
+    """The speed at equal error, relative to Cycles; None where undefined."""
     ours, reference = (row.get(f"variance_{of}", 0) * row.get(f"{of}_render_cpu", 0) for of in ("ours", "cycles"))
     return reference / ours if ours > 0 and reference > 0 else None
 
@@ -265,7 +265,7 @@ def compare(path, out, cycles, width, samples):
 
 
 def rows_of(out):
-    """The newest row of each file."""
+    """The latest row of each file."""
     path = out / "rows.jsonl"
     lines = path.read_text().splitlines() if path.exists() else []
     return {row["name"]: row for row in map(json.loads, lines)}
@@ -299,7 +299,7 @@ def opening(text):
 
 
 def error(row):
-    """How far a file is out of bounds; up to 1 it is within."""
+    """How far a file exceeds the bounds; up to 1 it is within."""
     return max(abs(row["mean"] - 1) / BOUNDS["mean"], (row["blocks"] or 0) / BOUNDS["blocks"])
 
 

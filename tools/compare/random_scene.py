@@ -29,7 +29,7 @@ RESTLESS = {
 
 
 def text(value):
-    """A value as TOML has it."""
+    """A value in TOML."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -42,7 +42,7 @@ def text(value):
 
 
 class RandomScene:
-    """A scene while it is drawn."""
+    """A scene under construction."""
 
     def __init__(self, seed, folder, without=(), is_twin=False):
         self.seed, self.folder, self.without, self.is_twin = seed, Path(folder), set(without), is_twin
@@ -57,11 +57,11 @@ class RandomScene:
             draw(self)
 
     def of(self, name):
-        """Random numbers of a part."""
+        """The random number generator of a part."""
         return random.Random(zlib.crc32(f"{self.seed}/{name}".encode()))
 
     def has(self, feature, probability):
-        """Is a feature drawn?"""
+        """Is a feature enabled at random?"""
         drawn = self.of(f"has {feature}").random() < probability and feature not in self.without
         drawn = drawn and not (self.is_calm and {feature, feature.split()[0]} & RESTLESS)
         if drawn:
@@ -69,7 +69,7 @@ class RandomScene:
         return drawn
 
     def choice(self, feature, choices):
-        """One of some choices, each of which is a feature; the first one where it is left out."""
+        """One of several choices, each of which is a feature; the first if that is excluded."""
         drawn = self.of(f"choice {feature}").choice(choices)
         is_left_out = drawn in self.without or feature in self.without or self.is_calm and drawn in RESTLESS
         drawn = choices[0] if is_left_out else drawn
@@ -103,7 +103,7 @@ def point(r, low, high):
 
 
 def picture(scene, name, pixels):
-    """Writes an 8-bit picture."""
+    """Writes an 8-bit image."""
     Image.fromarray(np.clip(255 * pixels, 0, 255).astype(np.uint8)).save(scene.folder / name)
     return name
 
@@ -134,7 +134,7 @@ def settings(scene):
 
 
 def images(scene):
-    """Textures that materials may use."""
+    """Textures for materials."""
     rng = np.random.default_rng(scene.seed)
     blocks = lambda n, channels: np.kron(rng.random((n, n, channels)), np.ones((64 // n, 64 // n, 1)))
     picture(scene, "color.png", blocks(8, 3))
@@ -217,7 +217,7 @@ def mix(scene, name, r, a, b):
 
 
 def nodes(r, roughness):
-    """Blender's shaders, mixed by a noise."""
+    """Blender's shader nodes, mixed by noise."""
     second = r.choice([{"type": "glossy_bsdf", "color": color(r), "roughness": roughness}, {"type": "glass_bsdf", "color": color(r, 0.6, 1), "roughness": roughness, "ior": 1.45}, {"type": "transparent_bsdf", "color": color(r)}, {"type": "translucent_bsdf", "color": color(r)}])
     first = r.choice([{"type": "principled_bsdf", "base_color": color(r), "roughness": 0.4}, {"type": "diffuse_bsdf", "color": color(r)}])
     return {
@@ -234,7 +234,7 @@ def nodes(r, roughness):
 
 
 def walls(scene):
-    """The room, or a ground."""
+    """A room, or a ground."""
     scene.features.append(f"place:{scene.place}")
     r = scene.of("walls")
     scene.materials |= {"floor": diffuse(r, scene, "floor"), "wall": {"type": "lambert", "color": color(r, 0.4, 0.8)}}
@@ -263,7 +263,7 @@ def walls(scene):
 
 
 def window(scene, glazing):
-    """What is in the window."""
+    """The contents of the window."""
     glass = {"type": "dielectric", "ior": 1.5, "tint": [0.9, 0.97, 0.95]}
     scene.is_smooth |= glazing != "frosted"
     if glazing in ("sheet", "open sheet"):
@@ -278,7 +278,7 @@ def window(scene, glazing):
 
 
 def pane(scene, name, low, high, material):
-    """A thin box, in the twin wider by a hundredth of a millimetre a millimetre at one edge."""
+    """A thin box, for the twin a wedge, wider by 0.01 mm per millimetre along one edge."""
     more = 0.005 * (high[1] - low[1]) if scene.is_twin else 0
     rows = [[x + (more if x == high[0] and y == high[1] else 0), y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
@@ -288,7 +288,7 @@ def pane(scene, name, low, high, material):
 
 
 def objects(scene):
-    """Things of random materials."""
+    """Objects with random materials."""
     r = scene.of("objects")
     count = r.choice([3, 4, 5])
     for k in range(count):
@@ -318,7 +318,7 @@ def objects(scene):
 
 
 def bumpy_ball(scene, k, r, size):
-    """A ball with waves."""
+    """A sphere with waves."""
     n, m, waves = 24, 12, r.choice([0.0, 0.12])
     rows, faces = [], []
     for j in range(m + 1):
@@ -371,7 +371,7 @@ def media(scene):
 
 
 def extras(scene):
-    """Hair, copies."""
+    """Hair, instances."""
     r = scene.of("extras")
     if scene.has("hair", 0.15):
         scene.materials["fur"] = {"type": "hair", "melanin": r.uniform(0.1, 0.8), "roughness": 0.35}
@@ -391,7 +391,7 @@ def extras(scene):
 
 
 def lamp(scene, k, kind):
-    """A lamp of a kind."""
+    """A light of some type."""
     r = scene.of(f"lamp {k}")
     x, z = r.uniform(-1.2, 1.2), r.uniform(-1.2, 1)
     radius = r.uniform(0.15, 0.3) if scene.is_smooth else r.choice([0, 0.02, 0.2])
@@ -429,7 +429,7 @@ def lamp(scene, k, kind):
 
 
 def lights(scene):
-    """Lamps and the environment."""
+    """Lights and the environment."""
     kinds = ["area", "point", "soft", "spot", "picture", "emissive quad", "emissive ball", "textured", "emissive mesh"]
     r = scene.of("lights")
     count = r.choice([1, 2, 3]) if scene.place == "room" else r.choice([0, 1, 2])
@@ -464,7 +464,7 @@ def lights(scene):
 
 
 def environment_picture(scene):
-    """A picture with clouds and a bright spot."""
+    """An environment image with clouds and a bright spot."""
     rng = np.random.default_rng(scene.seed + 1)
     image = np.kron(rng.random((8, 16, 3)) * 0.8, np.ones((4, 4, 1)))
     row, column = rng.integers(6, 14), rng.integers(0, 56)
@@ -474,7 +474,7 @@ def environment_picture(scene):
 
 
 def twin(scene):
-    """What moves, and the shutter."""
+    """Moving objects, and the shutter."""
     if scene.is_twin:
         scene.materials["hidden"] = {"type": "lambert"}
         scene.add("objects", sphere={"center": [0, -40, 0], "radius": 0.1}, material="hidden", motion={"translate": [0.1, 0, 0]})

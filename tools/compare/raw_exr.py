@@ -1,4 +1,5 @@
-"""OpenEXR files of scan lines without compression: how Cycles is to write them, and reading them, of one part or several, with numpy alone."""
+"""Uncompressed scan-line OpenEXR files: Cycles' settings for writing them, and a reader with numpy alone, for single-part and
+multi-part files."""
 
 import struct
 
@@ -66,7 +67,7 @@ def channels(path):
 
 
 def set_up(scene, size, samples, filter_width):
-    """Has Cycles render square pictures of a scene into such files, with all layers."""
+    """Sets Cycles up to render square pictures of a scene to such files, with all layers."""
     scene.render.engine = "CYCLES"
     scene.cycles.device, scene.cycles.samples = "CPU", samples
     scene.cycles.use_adaptive_sampling = scene.cycles.use_denoising = False

@@ -1,4 +1,4 @@
-"""Flat rectangles, and glTF files of one with any material."""
+"""Rectangles, and glTF files of one with any material."""
 
 import json
 from pathlib import Path

@@ -37,7 +37,7 @@ CASES = [
 
 
 def colors():
-    """Pure and mixed hues over fourteen stops, a part of them greys."""
+    """Pure and mixed hues over fourteen stops, some of them greys."""
     dice = numpy.random.default_rng(7)
     hues = dice.random((SIDE, SIDE, 3)) ** 1.5
     hues[: SIDE // 8] = dice.integers(0, 2, (SIDE // 8, SIDE, 3))
@@ -46,7 +46,7 @@ def colors():
 
 
 def scene_of(view, look, more):
-    """A scene with a view, or `None` where this Blender has it not."""
+    """A scene with a view transform, or `None` where this Blender lacks it."""
     scene = bpy.data.scenes.new("viewed")
     shown = scene.view_settings
     try:

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Kills a checkpointing render again and again, goes on each time, and compares with a run that nobody disturbed.
+"""Kills a checkpointing render repeatedly, resumes it each time, and compares with an uninterrupted run.
 
 kill.py OSCURA SCENE [KILLS] [further options of 'oscura render']
 

@@ -1,4 +1,4 @@
-"""Simple shapes with a known upright axis, as triangles; and copies of meshes with another axis up."""
+"""Simple triangle meshes with a known up axis; and copies of meshes with another up axis."""
 import math
 
 
@@ -19,7 +19,7 @@ def join(parts):
 
 
 def lathe(profile, steps=48):
-    """A curve of (radius, height), turned about y."""
+    """A profile of (radius, height), revolved about y."""
     vertices = []
     for r, y in profile:
         vertices += [(r * math.cos(2 * math.pi * k / steps), y, r * math.sin(2 * math.pi * k / steps)) for k in range(steps)]
@@ -79,7 +79,7 @@ def tile(n=60):
 
 
 def plant(leaves=26):
-    """A thin stem with leaves that are single sheets."""
+    """A thin stem with single-sided leaves."""
     parts = [lathe([(0.006, 0), (0.004, 0.9)], 8)]
     for i in range(leaves):
         turn, y, long = 2.4 * i, 0.15 + 0.75 * i / leaves, 0.32 - 0.22 * i / leaves
@@ -100,7 +100,7 @@ def bust():
 
 
 def bracket():
-    """A part of a machine, in millimetres: an angle with a rib and two bosses."""
+    """A mechanical part, in millimetres: a bracket with a rib and two bosses."""
     rib = [(35, 8, -8), (35, 60, -8), (35, 8, -60), (45, 8, -8), (45, 60, -8), (45, 8, -60)], [
         (0, 1, 2), (3, 5, 4), (1, 4, 5), (1, 5, 2), (0, 3, 4), (0, 4, 1), (0, 2, 5), (0, 5, 3)]
     boss = lambda x: ([(x + a, b, c - 40) for a, b, c in lathe([(9, 8), (9, 16), (5, 16), (5, 8)])[0]], lathe([(9, 8), (9, 16), (5, 16), (5, 8)])[1])
@@ -108,7 +108,7 @@ def bracket():
 
 
 def gear(teeth=18):
-    """A flat wheel with teeth and a hole, in millimetres."""
+    """A gear with a hole, in millimetres."""
     ring = []
     for k in range(4 * teeth):
         a, r = 2 * math.pi * k / (4 * teeth), 40 if k % 4 < 2 else 34
@@ -128,7 +128,7 @@ def bowl():
 
 
 def cut(mesh, share=0.25):
-    """What a scanner sees of a thing: its lowest part is missing, and its inside shows."""
+    """An incomplete scan: its lowest part is missing, and its inside is visible."""
     vertices, faces = mesh
     low, high = min(v[1] for v in vertices), max(v[1] for v in vertices)
     return vertices, [f for f in faces if all(vertices[i][1] > low + share * (high - low) for i in f)]
@@ -139,7 +139,7 @@ def moved(mesh, scale=1, to=(0, 0, 0)):
 
 
 def painted(mesh):
-    """Vertices with colours from 0 to 1 by their place."""
+    """Vertices coloured by position, from 0 to 1."""
     low = [min(v[c] for v in mesh[0]) for c in range(3)]
     high = [max(v[c] for v in mesh[0]) for c in range(3)]
     share = lambda v, c: (v[c] - low[c]) / (high[c] - low[c] or 1)
@@ -147,7 +147,7 @@ def painted(mesh):
 
 
 def z_up(mesh):
-    """The same with z up: it lies on its back for who takes y."""
+    """The same with z up: lying on its back in a y-up system."""
     vertices, faces = mesh
     return [(v[0], -v[2], v[1]) + v[3:] for v in vertices], faces
 
@@ -158,7 +158,7 @@ def y_up(mesh):
 
 
 def read(path):
-    """Vertices and triangles of an OBJ or of an ascii PLY file of triangles; nothing else."""
+    """Vertices and triangles of an OBJ or of an ascii PLY file of triangles; other contents are ignored."""
     vertices, faces = [], []
     lines = open(path, errors='replace').read().splitlines()
     if path.endswith('.ply'):
@@ -179,7 +179,7 @@ def read(path):
 
 
 def write(path, mesh):
-    """OBJ or PLY, with colours where vertices have six numbers; without faces points."""
+    """OBJ or PLY, with colours if vertices have six numbers; as points without faces."""
     vertices, faces = mesh
     coloured = len(vertices[0]) > 3
     with open(path, 'w') as f:

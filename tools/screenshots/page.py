@@ -19,7 +19,7 @@ from playwright.sync_api import sync_playwright
 CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
 SWITCHES = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
             "--disable-component-update", "--disable-sync"]
-# Name, size of the screen, pixels of the picture for one of the screen, theme.
+# Name, screen size, device pixel ratio, theme.
 SCREENS = [("desktop", (1280, 800), 1, "dark"), ("material", (1280, 800), 1, "dark"), ("phone", (390, 844), 2, "light")]
 SAMPLES = 16
 LARGEST = 200_000
@@ -64,7 +64,7 @@ def shoot(browser, address, screen, folder):
         page.locator("#base_color").fill("#3a6fb0")
         page.locator("#scene-light-strength").fill("0.5")
         page.locator("#toml").scroll_into_view_if_needed()
-        # The picture of before the changes stays for a moment.
+        # The old picture stays for a moment after a change.
         wait_for(page, f"Number(document.body.dataset.denoised) < {SAMPLES}")
         wait_for(page, f"Number(document.body.dataset.denoised) >= {SAMPLES}")
     page.evaluate("document.activeElement.blur()")
@@ -72,7 +72,7 @@ def shoot(browser, address, screen, folder):
     path = folder / f"page-{name}.jpg"
     picture = Image.open(io.BytesIO(page.screenshot()))
     page.close()
-    # Full resolution of colours keeps letters clean.
+    # Full chroma resolution keeps text sharp.
     picture.convert("RGB").save(path, quality=80, subsampling=0, optimize=True)
     assert path.stat().st_size < LARGEST, f"{path} has {path.stat().st_size} bytes"
 

@@ -1,4 +1,4 @@
-"""The module from outside: scenes, arrays, files, errors, progress and stopping."""
+"""Tests of the Python module: scenes, arrays, files, errors, progress and stopping."""
 
 import pathlib
 import signal
@@ -25,14 +25,14 @@ def furnace(reflectance=0.5):
     return scene
 
 
-def test_panoramas_see_around_themselves():
+def test_panoramic_camera():
     scene = oscura.Scene("around")
     scene.set_environment(nadir=(0, 0, 0), zenith=(1, 1, 1))
     scene.add_camera((0, 0, 0), (0, 0, -1), panorama="equirectangular", latitude=(0, 90))
     scene.add_camera((0, 0, 0), (0, 1, 0), up=(0, 0, 1), panorama="fisheye_equidistant", fov=180)
     half = oscura.render(scene, samples=16, width=16)["color"]
     assert half.shape == (4, 16, 4)
-    # The sky is a blend by the height of directions.
+    # The environment is a gradient by the height of directions.
     np.testing.assert_allclose(half[3, :, 0], (1 + np.sin(np.pi / 16)) / 2, atol=0.05)
     dome = oscura.render(scene, samples=16, width=16, height=16, camera=1)["color"]
     assert dome[8, 8, 0] > 0.98 and dome[0, 0, 0] == 0
@@ -58,7 +58,7 @@ def test_file_to_arrays():
         picture["albedo"]
 
 
-def test_numbers_are_right():
+def test_furnace_radiance():
     picture = oscura.render(furnace(), samples=64, width=32, height=32, aovs=["depth", "normal"])
     middle, corner = picture["color"][16, 16], picture["color"][0, 0]
     # A convex body of reflectance 0.5 under radiance 1 has radiance 0.5.
@@ -82,7 +82,7 @@ def test_meshes_from_arrays():
     scene.add_camera((1, 0, 10), (1, 0, 0), height=2, aspect_ratio=2)
     assert scene.triangles == 4
     color = oscura.render(scene, samples=64, width=16, height=8)["color"]
-    # What reflects everything has the radiance around it, but for noise.
+    # A reflectance of 1 gives the environment's radiance, up to noise.
     np.testing.assert_allclose(color[4, 3], [1, 0, 0, 1], atol=0.02)
     np.testing.assert_allclose(color[4, 12], [0, 1, 0, 1], atol=0.02)
     assert color[4, 3, 1] == 0 and color[4, 12, 0] == 0
@@ -132,7 +132,7 @@ def test_every_material_and_light_renders():
     np.testing.assert_allclose(groups, picture["color"][..., :3], rtol=1e-3, atol=1e-4)
 
 
-def test_same_call_same_numbers():
+def test_determinism():
     scene = oscura.load(BOX)
     call = dict(samples=8, width=24, height=24)
     one = oscura.render(scene, threads=1, **call)["color"]
@@ -174,7 +174,7 @@ def test_errors_have_the_renderers_text(tmp_path):
         oscura.render(scene, samples=1, width=8).save(tmp_path / "a.xyz")
 
 
-def test_slips_are_named():
+def test_typos_get_suggestions():
     scene = oscura.Scene()
     clay = scene.add_lambert()
     square = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
@@ -236,7 +236,7 @@ def test_time_limit():
     assert picture.statistics["timed_out"] and picture.statistics["samples_per_pixel"] >= 1
 
 
-def test_lock_is_free_while_rendering():
+def test_gil_is_released_while_rendering():
     counts = []
 
     def count():
@@ -253,7 +253,7 @@ def test_lock_is_free_while_rendering():
     assert len(counts) > 20
 
 
-def test_changes_while_a_picture_is_taken_are_for_the_next_one():
+def test_changes_during_a_render_affect_the_next_one():
     scene, changes = furnace(0.5), []
 
     def change(share, seconds):
@@ -266,7 +266,7 @@ def test_changes_while_a_picture_is_taken_are_for_the_next_one():
     assert oscura.render(scene, **call)["color"][64, 64, 0] == 0
 
 
-def test_denoised_picture_is_nearer():
+def test_denoising_reduces_the_error():
     scene = oscura.load(BOX)
     call = dict(width=48, height=48)
     reference = oscura.render(scene, samples=1024, **call)["color"]
@@ -307,7 +307,7 @@ def test_aovs_are_listed():
 
 
 @pytest.mark.parametrize("dtype", ["int64", "int8", "uint16", "bool", "complex64"])
-def test_textures_of_other_numbers_are_refused(dtype):
+def test_textures_of_other_types_are_refused(dtype):
     scene = oscura.Scene()
     pixels = np.ones((2, 2, 3), dtype=dtype)
     with pytest.raises(oscura.UsageError, match=rf"{dtype}.*uint8.*float32\(pixels\) / 255"):
@@ -318,7 +318,7 @@ def test_textures_of_other_numbers_are_refused(dtype):
         scene.add_texture(pixels.real.astype(fine))
 
 
-def test_numbers_that_make_no_sense_are_refused():
+def test_invalid_numbers_are_refused():
     scene = furnace()
     for threads in (0, 1025):
         with pytest.raises(oscura.UsageError, match="threads must be 1 to 1024"):

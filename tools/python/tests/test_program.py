@@ -1,4 +1,4 @@
-"""The program that the wheel brings, and its stubs."""
+"""The program in the wheel, and its type stubs."""
 
 import pathlib
 import shutil
@@ -19,7 +19,7 @@ def run(*words, **more):
     return subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True, **more)
 
 
-def test_it_is_there():
+def test_program_is_installed():
     assert PROGRAM, "the wheel installs the command"
     assert run("--version").stdout == "oscura 0.1.0\n"
     module = subprocess.run([sys.executable, "-m", "oscura", "--version"], capture_output=True, text=True)
@@ -54,7 +54,7 @@ for name in ["a.png", "b.png"]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
-def test_control_c_writes_what_is_there(tmp_path):
+def test_control_c_writes_the_picture(tmp_path):
     picture = tmp_path / "a.png"
     words = ["render", BOX, "-o", picture, "--width", "256", "--spp", "1000000"]
     process = subprocess.Popen([PROGRAM, *map(str, words)], stderr=subprocess.DEVNULL)
@@ -64,7 +64,7 @@ def test_control_c_writes_what_is_there(tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_stubs_agree_with_the_module():
+def test_stubs_match_the_module():
     pytest.importorskip("mypy")
     words = [sys.executable, "-m", "mypy.stubtest", "oscura"]
     done = subprocess.run(words, capture_output=True, text=True)

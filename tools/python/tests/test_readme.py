@@ -1,4 +1,4 @@
-"""The programs of README.md run and write what they say."""
+"""The programs of README.md run and write the expected files."""
 
 import pathlib
 import re

@@ -1,6 +1,7 @@
-"""The error of denoised pictures that stop by a noise threshold: bounded by the program, and true by two references of other seeds.
+"""Errors of denoised renders that stop at a noise threshold: the program's bound, and the true error by two references of other
+seeds.
 
-    python tools/compare/promise.py OUT [SCENE...]
+    python tools/compare/noise_threshold.py OUT [SCENE...]
 
 `NOISE` is the threshold in percent (5), `MAX` the maximum number of samples (1024), `SEEDS` the seeds. References in OUT, scenes, width and
 the binary are those of `convergence.py`. Errors are roots of the relMSE, in percent."""
@@ -17,8 +18,8 @@ SEEDS = os.environ.get("SEEDS", "5 6").split()
 
 
 def picture(ladder, seed, references):
-    """Samples, bound and true error in percent, and seconds of processor time."""
-    path = ladder.at(f"promise-{NOISE}-{seed}.exr")
+    """Samples, bound and true error in percent, and CPU seconds."""
+    path = ladder.at(f"threshold-{NOISE}-{seed}.exr")
     stop = ["--noise", NOISE, "--denoise", "--max-spp", MAX, "--seed", seed]
     out, seconds, _ = run("render", *ladder.scene.split(), "-o", path, *stop, "--width", WIDTH, "--float", "--json", "--quiet")
     report = json.loads(out.strip().splitlines()[-1])

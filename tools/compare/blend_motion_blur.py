@@ -1,11 +1,11 @@
-"""Scenes of Blender about motion blur: what moves, turns, bends and swells while the shutter is open, and a camera that moves."""
+"""Blender scenes with motion blur: moving, rotating and deforming objects, and a moving camera."""
 
 import blend_motion
 from blend_parts import add, camera, keyed, light, material, scene, still_life, world
 
 
 def blurred():
-    """Objects in hierarchies, an armature, shape keys and a lamp."""
+    """Object hierarchies, an armature, shape keys and a light."""
     blend_motion.motion()
     scene().frame_set(5)
     scene().camera.animation_data_clear()
@@ -14,7 +14,7 @@ def blurred():
 
 
 def blurred_camera():
-    """A camera that flies past, with the shutter open after the picture's moment, and a spinning box."""
+    """A moving camera, with the shutter opening at the frame, and a rotating box."""
     still_life()
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)

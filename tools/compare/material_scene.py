@@ -1,5 +1,5 @@
-"""A small scene for one material, written for oscura and for Mitsuba 3 alike: a ball or a sheet over a grey floor, lit by
-an even background and three lights of different size, distance and colour."""
+"""A small scene for one material, written for oscura and for Mitsuba 3: a sphere or a sheet over a grey floor, lit by a
+constant environment and three lights of different size, distance and colour."""
 
 import json
 from pathlib import Path

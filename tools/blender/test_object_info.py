@@ -1,6 +1,6 @@
 """Tests nodes that read properties of objects, and linked images.
 
-    python test_trees.py            with a Python that has bpy
+    python test_object_info.py            with a Python that has bpy
 """
 
 import bpy
@@ -8,7 +8,7 @@ import numpy as np
 from testing import SceneTest, main, shader_tree
 
 
-class TreesTest(SceneTest):
+class ObjectInfoTest(SceneTest):
     def test_object_color(self):
         material, tree, shader, info = shader_tree("own", "ObjectInfo")
         tree.links.new(info.outputs["Color"], shader.inputs["Base Color"])

@@ -1,5 +1,5 @@
-"""Scenes of what users of Blender do besides: tiles of pictures, mirrored objects, newer shaders, patterns, catchers, profiles of
-lamps, libraries."""
+"""Blender scenes with further features: UDIM tiles, mirrored objects, newer shaders, procedural textures, shadow catchers, IES
+profiles, libraries."""
 
 import math
 
@@ -9,7 +9,7 @@ from blend_parts import add, ball, camera, floor, light, link, lit, material, ne
 
 
 def _checked(colors, side=8, cells=4):
-    """A picture of cells of two colours."""
+    """A checker image of two colours."""
     y, x = np.mgrid[0:side, 0:side] * cells // side
     return np.where(((x + y) % 2 == 0)[..., None], *(np.array(color) for color in colors))
 
@@ -24,7 +24,7 @@ def _image(made, image, **settings):
 
 
 def udims(folder):
-    """A picture of two tiles, a second set of texture coordinates, pictures that end at their edge, projection from six sides."""
+    """An image of two UDIM tiles, a second UV map, clipped images, box projection."""
     lit()
     camera()
     floor()
@@ -68,7 +68,7 @@ def udims(folder):
 
 
 def near_and_far():
-    """What lies outside the range of the camera, and pixels that aren't square."""
+    """Clipping distances, and non-square pixels."""
     lit()
     scene().render.pixel_aspect_x = 1.5
     camera(clip_start=6.0, clip_end=11.0)
@@ -79,7 +79,7 @@ def near_and_far():
 
 
 def newer_shaders():
-    """Metallic, Sheen, Toon, Refraction, shaders of two lobes."""
+    """Metallic, Sheen, Toon, Refraction, mixed shaders."""
     lit()
     camera()
     floor()
@@ -99,7 +99,7 @@ def newer_shaders():
 
 
 def patterns():
-    """Textures of Blender's own, attributes, and arithmetic between them."""
+    """Blender's procedural textures, attributes, and math nodes between them."""
     lit()
     camera()
     floor()
@@ -132,7 +132,7 @@ def patterns():
 
 
 def mirrored():
-    """Negative scales, smoothness by angle, shells, bevels, parents with scales of their own, materials that are missing."""
+    """Negative scales, smooth by angle, solidify, bevels, parents with scales, missing materials."""
     lit()
     camera()
     floor()
@@ -164,7 +164,7 @@ def mirrored():
 
 
 def catchers():
-    """A ball on what catches its shadow, and a hole, on film that is transparent."""
+    """A sphere on a shadow catcher, and a holdout, with a transparent film."""
     lit()
     camera()
     ground = floor()
@@ -177,7 +177,7 @@ def catchers():
 
 
 def _profile(folder):
-    """A file of a profile, bright below and to one side."""
+    """An IES file, bright below and to one side."""
     path = folder / "profile.ies"
     polar, around = range(0, 91, 10), range(0, 361, 30)
     rows = (
@@ -191,7 +191,7 @@ def _profile(folder):
 
 
 def _profiled(path, *of, **settings):
-    """A lamp with the profile of a file."""
+    """A light with an IES file."""
     lamp = light(*of, **settings)
     lamp.data.use_nodes = True
     tree = lamp.data.node_tree
@@ -201,7 +201,7 @@ def _profiled(path, *of, **settings):
 
 
 def profiles(folder):
-    """Lamps with profiles (IES), pictures and black bodies."""
+    """Lights with IES profiles, images and Blackbody nodes."""
     floor()
     camera()
     world((0.02, 0.02, 0.02))
@@ -218,7 +218,7 @@ def profiles(folder):
 
 
 def soft_profiles(folder):
-    """Lamps with profiles and a size, above things that stand in their light."""
+    """Lights with IES profiles and a radius, above objects in their light."""
     floor()
     camera()
     world((0.02, 0.02, 0.02))
@@ -232,7 +232,7 @@ def soft_profiles(folder):
 
 
 def libraries(folder):
-    """A collection that is linked from another file, twice, one of them moved."""
+    """A collection linked from another file, instanced twice, one of them moved."""
     lit()
     camera()
     floor()
@@ -255,7 +255,7 @@ def libraries(folder):
 
 
 def strands():
-    """Fur by particles, in place and by children, and hair by curves."""
+    """Hair particles with children, and hair curves."""
     lit()
     camera()
     floor()

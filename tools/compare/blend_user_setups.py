@@ -1,4 +1,5 @@
-"""Scenes of Blender as artists set them up: lampshades, pictures with alpha, cut hair, lamps that are scaled, collections for indirect light."""
+"""Blender scenes with common user setups: lampshades, images with alpha, trimmed hair, scaled lights, indirect-only
+collections."""
 
 import bpy
 import numpy as np
@@ -13,7 +14,7 @@ def _daylight():
 
 
 def _waves(size=32, seed=0.0, alpha=False):
-    """Codes of a colourful picture, with alpha if wanted."""
+    """Pixel values of a colourful image, optionally with alpha."""
     u, v = np.meshgrid(np.arange(size) / size, np.arange(size) / size)
     parts = [0.5 + 0.45 * np.sin(2 * np.pi * (a * u + b * v) + seed + a) for a, b in ((1, 2), (3, -1), (-2, 2))]
     clear = np.clip(0.5 + np.sin(2 * np.pi * (2 * u + v) + seed), 0, 1) if alpha else np.ones_like(u)
@@ -21,7 +22,7 @@ def _waves(size=32, seed=0.0, alpha=False):
 
 
 def _stored(name, codes):
-    """A picture of eight bits in the file."""
+    """An 8-bit image packed into the file."""
     image = bpy.data.images.new(name, codes.shape[1], codes.shape[0], alpha=True)
     image.pixels[:] = codes.ravel()
     image.file_format = "PNG"
@@ -37,7 +38,7 @@ def _by_picture(tree, image, target):
 
 
 def lampshades():
-    """Shades that reflect and let light through: sums and mixes of Diffuse and Translucent, of even colours and pictures."""
+    """Lampshades: sums and mixes of Diffuse and Translucent, with constant and textured colours."""
     floor()
     camera()
     world((0.05, 0.05, 0.05))
@@ -57,7 +58,7 @@ def lampshades():
 
 
 def clear_pictures():
-    """Pictures with alpha whose colour alone is used, whose alpha is used too, and by one that takes it as another channel."""
+    """Images with alpha of which only the colour is used, of which alpha is used too, and one with channel-packed alpha."""
     _daylight()
     for k, mode in enumerate(("STRAIGHT", "STRAIGHT", "CHANNEL_PACKED")):
         image = _stored(f"leaf {k}", _waves(seed=k, alpha=True))
@@ -71,7 +72,7 @@ def clear_pictures():
 
 
 def stretched_lamps():
-    """Spots whose scale differs by axis, one in a collection that is shown twice, and an area light of another scale."""
+    """Spot lights with non-uniform scale, one in a collection that is instanced twice, and a scaled area light."""
     floor()
     camera()
     world((0.03, 0.03, 0.03))
@@ -88,7 +89,7 @@ def stretched_lamps():
 
 
 def indirect_things():
-    """A collection that is seen in mirrors only and lights the scene, and what vertices and faces of objects carry."""
+    """An indirect-only collection, visible in mirrors, and instancing on vertices and faces."""
     _daylight()
     ball(material("mirror", Metallic=1, Roughness=0.05), (0, 0, 1), 1)
     glow = ball(material("glow", Emission_Color=(1, 0.1, 0.1, 1), Emission_Strength=6), (2, -0.5, 0.6), 0.5)
@@ -103,7 +104,7 @@ def indirect_things():
 
 
 def cut_hair():
-    """Hair of particles with children that are shorter than they grow, and of random length."""
+    """Hair particles with trimmed children, and of random length."""
     _daylight()
     for k, (length, chance) in enumerate(((0.6, 0.0), (1.0, 0.5))):
         head = ball(material(f"skin {k}", Base_Color=(0.5, 0.3, 0.2, 1)), (-1.4 + 2.8 * k, 0.4, 0.9), 0.8)

@@ -1,6 +1,6 @@
-"""What features cost that no path meets.
+"""The cost of features that no path reaches.
 
-    python unused.py FOLDER [NAME...]
+    python unused_features.py FOLDER [NAME...]
 
 The Cornell box, whose surfaces are all Lambertian, with a speck behind its back wall where no path can come. Callgrind
 counts the instructions of rendering with a speck of each material, against those with a Lambertian one. Counts at two
@@ -78,7 +78,8 @@ def rendering(scene):
 
 
 def scenes(folder):
-    """(name, scene file) of each feature; a Lambertian speck, as a quad or as triangles, before those it is compared with."""
+    """(name, scene file) of each feature; a Lambertian speck, as a quad or as triangles, precedes the specks compared with
+    it."""
     texels = np.random.default_rng(3).integers(0, 256, (32, 32, 4), np.uint8)
     write_png(folder / "picture.png", texels)
     flat = [f"quad = {{ corner = {SPECK['corner']}, u = {SPECK['u']}, v = {SPECK['v']} }}", 'material = "speck"']

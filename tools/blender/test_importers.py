@@ -1,6 +1,6 @@
 """Tests corrections after Blender's importers.
 
-    python test_foreign.py           with a Python that has bpy
+    python test_importers.py           with a Python that has bpy
 """
 
 import bpy
@@ -10,7 +10,7 @@ from oscura_blender import importers
 from oscura_blender.report import Report
 
 
-class ForeignTest(SceneTest):
+class ImporterTest(SceneTest):
     def material(self, name):
         material = bpy.data.materials.new(name)
         material.use_nodes = True

@@ -1,6 +1,6 @@
 """Tests displacement, motion blur, lights, render settings and color management.
 
-    python test_beside.py            with a Python that has bpy
+    python test_scene.py            with a Python that has bpy
 """
 
 import struct
@@ -12,7 +12,7 @@ from testing import SceneTest, main, read_ply, shader_tree
 from oscura_blender import final_render
 
 
-class BesideTest(SceneTest):
+class SettingsTest(SceneTest):
     def test_media_subsurface_and_translucency(self):
         haze, tree, shader, scatter = shader_tree("haze", "VolumeScatter")
         scatter.inputs["Color"].default_value, scatter.inputs["Density"].default_value = (0.5, 0.25, 1, 1), 2.0
@@ -461,12 +461,12 @@ class BesideTest(SceneTest):
         return tree, tree.nodes.new("CompositorNodeRLayers"), end
 
     def test_warnings_of_fast_gi_and_adaptive_subdivision(self):
-        told = lambda kind: " ".join(message for _, message in self.export()[1][kind])
+        messages = lambda kind: " ".join(message for _, message in self.export()[1][kind])
         plane, cycles = self.add_plane(None, "Sea"), self.scene.cycles
         fine = plane.modifiers.new("Fine", "SUBSURF")
         for kind in ("warnings", "notes"):
             for word in ("Fast GI", "adaptive subdivision"):
-                self.assertNotIn(word, told(kind))
+                self.assertNotIn(word, messages(kind))
         cycles.use_fast_gi = True
         self.scene.render.resolution_x = self.scene.render.resolution_y = 64
         # Since Blender 5.0, and before.
@@ -509,13 +509,13 @@ class BesideTest(SceneTest):
         self.assertEqual(self.export()[0]["objects"][0]["transform"][0]["matrix"][12:], [0.0, 0.0, 0.0, 1.0])
 
     def test_warnings_of_compositing_and_sequencer(self):
-        def told():
+        def messages():
             answer = self.export()[1]
             return [" ".join(m for _, m in answer[kind]) for kind in ("warnings", "notes")]
 
         tree, layers, end = self.composed()
         tree.links.new(layers.outputs["Image"], end.inputs[0])
-        self.assertNotIn("compositing", told()[0])
+        self.assertNotIn("compositing", messages()[0])
         glare = tree.nodes.new("CompositorNodeGlare")
         tree.links.new(layers.outputs["Image"], glare.inputs["Image"])
         tree.links.new(glare.outputs["Image"], end.inputs[0])
@@ -524,12 +524,12 @@ class BesideTest(SceneTest):
         last = {"length": 10} if bpy.app.version >= (5, 0, 0) else {"frame_end": 10}
         strip = strips.new_effect(name="card", type="COLOR", channel=1, frame_start=1, **last)
         self.scene.view_layers[0].aovs.add().name = "wear"
-        warnings = told()[0]
+        warnings = messages()[0]
         for lost in ("compositing", "sequencer", "AOV 'wear'"):
             self.assertIn(lost, warnings)
         glare.mute = strip.mute = True
         for kept in ("compositing", "sequencer"):
-            self.assertNotIn(kept, told()[0])
+            self.assertNotIn(kept, messages()[0])
 
     def test_limits_of_bounces_and_clamping(self):
         names = ("depth", "bounces", "clamp", "filter_glossy", "skip_caustics", "microfacet", "caught")

@@ -1,4 +1,4 @@
-"""Scenes of Blender with glass and water of one sheet."""
+"""Blender scenes with open glass and water surfaces."""
 
 import math
 
@@ -45,7 +45,7 @@ def window_pane():
 
 
 def _pool(sun, sky):
-    """A basin whose water is one level sheet over the floor."""
+    """A basin with a single flat water surface over the floor."""
     _shed(sun, sky)
     tiles = material("tiles", Base_Color=(0.5, 0.6, 0.6, 1), Roughness=1.0)
     for x, y, w, d in ((-1.55, 0, 0.1, 3.2), (1.55, 0, 0.1, 3.2), (0, -1.55, 3.0, 0.1), (0, 1.55, 3.0, 0.1)):
@@ -63,7 +63,7 @@ def pool_sun():
 
 
 def window_within():
-    """A room seen from within: the pane is a mirror at low angles; another one faces the other way, and one is frosted."""
+    """A room seen from inside: the pane reflects at grazing angles; another one faces the other way, and one is rough."""
     world((0.5, 0.65, 0.9), 0.8)
     wall = material("wall", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=1.0)
     floor(wall, size=8)
@@ -78,7 +78,7 @@ def window_within():
 
 
 def drowned():
-    """A ball of glass, a mirror and a lamp under water of one sheet."""
+    """A glass sphere, a mirror and a light below an open water surface."""
     _pool(False, True)
     ball(_principled(), (-0.6, -0.4, 0.22), 0.18)
     ball(material("steel", Metallic=1, Roughness=0.1), (0.6, -0.6, 0.2), 0.18)
@@ -86,7 +86,7 @@ def drowned():
 
 
 def glowing_glass():
-    """Glass that shines itself, and glass around what shines or is lit."""
+    """Emissive glass, and glass around emissive or lit objects."""
     world((0.1, 0.12, 0.15))
     floor()
     light("AREA", "Key", 120, (-3, -4, 5), (0.6, -0.5, 0), size=2)

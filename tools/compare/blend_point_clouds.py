@@ -1,4 +1,4 @@
-"""Scenes of Blender about point clouds and colours of vertices."""
+"""Blender scenes with point clouds and vertex colours."""
 
 import bpy
 import numpy as np
@@ -9,7 +9,7 @@ KINDS = ("NodeGroupInput", "NodeGroupOutput", "GeometryNodeMeshToPoints", "Geome
 
 
 def _points_of(obj, paint):
-    """Shows the vertices of a mesh as points of the radius that an attribute has."""
+    """Converts a mesh's vertices to points with the radius of an attribute."""
     tree = bpy.data.node_groups.new("Points", "GeometryNodeTree")
     for way in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
@@ -24,7 +24,7 @@ def _points_of(obj, paint):
 
 
 def _cloud(name, places, radii, paint, location=(0, 0, 0)):
-    """Points at places, with a colour by their height."""
+    """Points at positions, with a colour by height."""
     data = bpy.data.meshes.new(name)
     data.from_pydata(places.tolist(), [], [])
     data.attributes.new("width", "FLOAT", "POINT").data.foreach_set("value", radii.astype(np.float32))
@@ -47,7 +47,7 @@ def _by_attribute(name, attribute, **inputs):
 
 
 def points():
-    """A scan's worth of points in colour, few large ones that shine, and a scan with colours of its vertices."""
+    """A coloured point scan, a few large emissive points, and a scanned mesh with vertex colours."""
     lit()
     floor()
     chance = np.random.default_rng(3)

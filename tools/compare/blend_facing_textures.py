@@ -1,4 +1,4 @@
-"""Scenes of Blender about what differs with the angle of view and from place to place."""
+"""Blender scenes with textures mixed by Layer Weight and Fresnel nodes."""
 
 import bpy
 import numpy as np
@@ -13,7 +13,7 @@ def _row(*materials):
 
 
 def _mixed(tree, factor, first, second):
-    """Two colours by a factor, each a tuple or an output."""
+    """A mix of two colours by a factor, each a tuple or an output."""
     mix = tree.nodes.new("ShaderNodeMixRGB")
     for source, target in ((factor, "Fac"), (first, "Color1"), (second, "Color2")):
         if isinstance(source, tuple):
@@ -24,7 +24,7 @@ def _mixed(tree, factor, first, second):
 
 
 def _ramp(tree, source, low, high):
-    """A factor through a ramp from one position to another."""
+    """A factor through a linear ramp between two positions."""
     ramp = tree.nodes.new("ShaderNodeValToRGB")
     ramp.color_ramp.elements[0].position, ramp.color_ramp.elements[1].position = low, high
     tree.links.new(source, ramp.inputs[0])
@@ -43,7 +43,7 @@ def _picture(folder):
 
 
 def places_color(folder):
-    """Colours by noise, a picture and a checker that facing mixes with others; a picture times a ramp of colours."""
+    """Colours by noise, an image and a checker mixed by facing with others; an image multiplied by a colour ramp."""
     floor()
     lit()
     velvet, cloth, tiles, shot = (material(name, Roughness=0.8) for name in ("velvet", "cloth", "tiles", "shot silk"))
@@ -73,7 +73,8 @@ def places_color(folder):
 
 
 def places_shaders():
-    """Shaders mixed by the angle of view, one of them of noise; a ghost with clouds, light on a rim with waves, roughness by both."""
+    """Shaders mixed by facing, one of them textured by noise; a transparent rim with noise, emission on a rim with waves,
+    roughness by both."""
     floor()
     lit()
     rough = material("rough", Base_Color=(0.8, 0.6, 0.3, 1), Metallic=1.0)
@@ -101,7 +102,7 @@ def places_shaders():
 
 
 def places_forms():
-    """The angle of view in other forms: within a group, as a product of vectors, by a bumped normal, as a map of a range."""
+    """Facing in other forms: in a group, as a dot product, by a bumped normal, through Map Range."""
     floor()
     lit()
     grouped, dotted, bumped, ranged = (material(name, Roughness=0.7) for name in ("grouped", "dotted", "bumped", "ranged"))
@@ -134,7 +135,7 @@ def places_forms():
 
 
 def places_light():
-    """A ghost of clouds, a rim of light with waves, a board whose light is a picture by facing."""
+    """A transparent rim with noise, an emissive rim with waves, an emissive board textured by facing."""
     floor()
     world((0.1, 0.1, 0.12))
     light("AREA", "Key", 60, (-3, -4, 5), (0.6, -0.5, 0), size=2)
