@@ -319,7 +319,7 @@ fn passes_and_groups_include_caustics() {
     }
 }
 
-/// A floor from above, in the light of a point lamp through a ball of glass.
+/// A floor from above, in the light of a point lamp through a glass sphere.
 fn caustic_of_a_ball() -> Scene {
     let mut scene = Scene::default();
     let clear = material(&mut scene, dielectric(1.5));

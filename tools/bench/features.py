@@ -4,7 +4,7 @@
     python tools/bench/features.py table PROGRAM FOLDER
 
 SCENES.json holds a list of [name, arguments of `oscura render`]. `render` uses one thread and appends a line a picture to
-FOLDER/runs.jsonl; with --used it switches off only what the default uses. `table` prints gains, (error x processor time) without
+FOLDER/runs.jsonl; with --used it switches off only what the default uses. `table` prints gains, (error x CPU time) without
 over with, from scenes that use the technique: of all pixels, without the worst hundredth, and of denoised pictures, and the ratios of FLIP.
 
 The error is half the squared difference of two seeds, relative to the mean of all pictures: no reference is needed. Denoised pictures

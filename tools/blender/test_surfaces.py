@@ -95,7 +95,7 @@ class SurfacesTest(SceneTest):
         self.check_notes(answer)
 
     def check_notes(self, answer):
-        """Checks that there is one note on sheets of glass."""
+        """Checks that there is one note on glass sheets."""
         ((about, said),) = [note for note in answer["notes"] if "Solidify" in note[1]]
         self.assertEqual(about, "glass")
         self.assertIn("refracts light", said)

@@ -1,5 +1,5 @@
 """Denoised pictures beside noisy ones as samples are added: relMSE, FLIP, the error of the means of blocks of 32 x 32 pixels and the mean,
-of the same samples; what the network says before the residual is restored, too; processor time and memory.
+of the same samples; what the network says before the residual is restored, too; CPU time and memory.
 
     python tools/compare/convergence.py OUT [SCENE...]
     python tools/compare/convergence.py OUT --sheet     # OUT/sheet.png: noisy, network, denoised, reference at the first three numbers
@@ -51,7 +51,7 @@ SCENES = {
 
 
 def run(*arguments):
-    """The output, seconds of processor time and the most memory in MB of a run of the program."""
+    """The output, CPU seconds and the most memory in MB of a run of the program."""
     process = subprocess.Popen([OSCURA, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
     out, problems = process.stdout.read(), process.stderr.read()
     _, status, usage = os.wait4(process.pid, 0)
@@ -61,7 +61,7 @@ def run(*arguments):
 
 
 def render(scene, path, samples, *more):
-    """Renders what isn't there; gives the seconds of processor time that it took."""
+    """Renders what isn't there; gives the CPU seconds that it took."""
     times = path + ".json"
     if not os.path.exists(path):
         fixed = ["--width", WIDTH, "--float", "--path-reuse", "off"]

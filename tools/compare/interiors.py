@@ -1,11 +1,11 @@
-"""Interiors whose light comes through glass, off mirrors or water: error over processor time, oscura beside Cycles.
+"""Interiors whose light comes through glass, off mirrors or water: error over CPU time, oscura beside Cycles.
 
     python interiors.py FOLDER [SCENE...]        with a Python that has bpy, numpy and Pillow
 
 Makes FOLDER/X.blend (`blend_interiors.py`), exports it once, and renders it by both at 4, 16, 64 and 256 samples without clamps,
 filters and left-out caustics, plain and denoised. The reference is oscura's picture of `REFERENCE` samples (2048): in one of Cycles
 too few paths find a small sun behind glass; `blend.py` compares the means. Prints the error, RMS of the relative difference
-without its largest thousandth, and the seconds of processor time; writes FOLDER/X.png: both at 16 samples, plain and denoised.
+without its largest thousandth, and the CPU seconds; writes FOLDER/X.png: both at 16 samples, plain and denoised.
 """
 
 import os
@@ -44,7 +44,7 @@ def save(folder, build):
 
 
 def ours(folder, name, samples, denoised, seed=1):
-    """The picture and its seconds of processor time."""
+    """The picture and its CPU seconds."""
     path = folder / f"{name}.oscura.{samples}.{seed}{'.denoised' * denoised}.exr"
     command = [PROGRAM, "render", str(folder / name / "scene.toml"), "-o", str(path), "--unbiased", "--float", "--quiet"]
     command += ["--spp", str(samples), "--seed", str(seed), "--threads", "2", *["--denoise"] * denoised]

@@ -3,7 +3,7 @@
     python media.py FOLDER [NAME...]
 
 A ball of even fog, a box of smoke (a `.vol` file, which both read), dense milk and an upright slab two mean free paths thick stand on a grey floor under a square lamp and an even
-sky. Neither stops paths before 64 bounces. The cost of a picture is its variance times the processor seconds that it took, over all
+sky. Neither stops paths before 64 bounces. The cost of a picture is its variance times the CPU seconds that it took, over all
 pixels and channels: the time to a given error. Mitsuba's compiler has done its work before the clock starts.
 """
 

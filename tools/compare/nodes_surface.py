@@ -123,8 +123,8 @@ def normals(add):
 
 
 def images(add):
-    """Image nodes in all their modes. Vectors that are no texture coordinates are evaluated without derivatives, as Cycles
-    does."""
+    """Image nodes in all their modes. Vectors other than texture coordinates are sampled without filtering,
+    as in Cycles."""
 
     def image(label, output, vector="object coordinates", alpha="", space="sRGB", **settings):
         blender = node("ShaderNodeTexImage", output, {"image": "picture.png", **settings}, {"Vector": vector})

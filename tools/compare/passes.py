@@ -1,4 +1,4 @@
-"""Passes beside Cycles': a scene of Blender with two lamps, a ball of glass, one of metal, plastic and a panel that shines, rendered by both
+"""Passes beside Cycles': a scene of Blender with two lamps, a glass sphere, one of metal, plastic and a panel that shines, rendered by both
 with all passes they have in common. Mean of each pass over Cycles', with its standard error, and the share of blocks of 8 x 8 pixels
 that differ by more than 3 of their standard deviations (chance: 0.3 %), estimated from two seeds of either.
 

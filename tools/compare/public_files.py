@@ -14,7 +14,7 @@ A row has, besides what the programs said, took and ended with:
 - `blocks`: the sum of the differences of blocks of 16 x 16 pixels, without sign, over the sum of Cycles' blocks;
 - `noise_ours` and `noise_cycles`: the same of half the difference of two seeds, which is as large as the noise of their mean;
 - `variance_ours` and `variance_cycles`: those of a sample count's displayed values (sRGB, clipped), by the difference of two seeds;
-- `ours_cpu`: seconds of processor time of the program and the Blender that exports, with an empty cache of baked textures;
+- `ours_cpu`: CPU seconds of the program and the Blender that exports, with an empty cache of baked textures;
   `ours_cpu_cached` those of the second seed, `ours_render_cpu` those of the render alone; `ours_export_cpu` is all besides;
 - `cycles_cpu`: those of Blender's start, of opening the file and of the first render (`cycles_start_cpu`, `..open..`, `..render..`);
 - `cycles_mb`, `ours_mb`: the largest process. Ours may be the Blender that exports; `ours_render_mb` is what the renderer tells.
@@ -47,7 +47,7 @@ from raw_exr import channels
 SEEDS = (1, 2)
 TIMEOUT = 300  # seconds: of Cycles for both seeds, of oscura for each
 BOUNDS = {"mean": 0.02, "blocks": 0.05}
-SLOW = 1.2  # times Cycles' processor time
+SLOW = 1.2  # times Cycles' CPU time
 BLACK = 1e-6  # mean of a picture in which there is nothing to compare
 WORDS = 9  # of a note, in the summary
 

@@ -1,4 +1,4 @@
-"""Coloured media by wavelength against Mitsuba 3's `scalar_spectral`: a ball without a surface, in an even sky or under a lamp.
+"""Coloured media by wavelength against Mitsuba 3's `scalar_spectral`: a ball without a surface, in a uniform sky or under a lamp.
 
     python spectral.py FOLDER
 
@@ -19,7 +19,7 @@ mi.set_variant("scalar_spectral")
 SIZE, DEPTH, SEEDS = 64, 64, (1, 2, 3, 4)
 SAMPLES = int(os.environ.get("SAMPLES", "1024"))
 DENSITY = (0.4, 1.5, 4.0)
-# Name: even sky, lamp, albedo, anisotropy.
+# Name: uniform sky, lamp, albedo, anisotropy.
 SCENES = {
     "white furnace": (1.0, 0.0, (1.0, 1.0, 1.0), 0.4),
     "lamp": (0.0, 20.0, (0.95, 0.7, 0.3), 0.3),

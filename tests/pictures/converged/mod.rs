@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
-/// Samples a pixel of each of two pictures with different seeds.
+/// Samples per pixel of each of two pictures with different seeds.
 const SAMPLES: u32 = 256;
 
 fn oscura(arguments: &[&str]) -> Output {

@@ -6,7 +6,7 @@ pub struct Converged {
     pub name: &'static str,
     /// Arguments of `oscura render`, from the project's folder.
     pub arguments: &'static [&'static str],
-    /// Samples a pixel of each of the parts that the reference is the mean of.
+    /// Samples per pixel of each of the parts that the reference is the mean of.
     pub part_samples: u32,
 }
 

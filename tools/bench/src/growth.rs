@@ -234,7 +234,7 @@ pub struct Growth {
 pub struct Limits {
     /// The program that renders.
     pub program: PathBuf,
-    /// An axis ends where the next size would probably take longer, in seconds of CPU time.
+    /// An axis ends where the next size would probably take longer, in CPU seconds.
     pub seconds: f64,
     /// Only axes whose names contain this.
     pub only: String,

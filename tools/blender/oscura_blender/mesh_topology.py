@@ -1,4 +1,4 @@
-"""Whether meshes are closed: holes are filled for subsurface scattering, and planar sheets of glass get a note."""
+"""Whether meshes are closed: holes are filled for subsurface scattering, and planar glass sheets get a note."""
 
 import bmesh
 import numpy as np
