@@ -2,7 +2,7 @@
 
 use crate::glass_panes::under_a_pane;
 use crate::refracted_lights::scene_behind;
-use crate::shader_nodes::dusty_room;
+use crate::shader_nodes::ray_tracing_nodes_room;
 use crate::support::sheet::{self, Variant};
 use crate::support::{gltf_glass, material, options, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, Film, Values};
@@ -59,7 +59,7 @@ fn scenes() -> [(&'static str, Scene); 6] {
     let named = |name| (name, scene(name));
     let behind = |what| (what, scene_behind(what, Material::lambert("grey", [0.5; 3]), false, true));
     let [cornell, materials] = [named("cornell-quads.toml"), named("materials.toml")];
-    let dusty = ("dusty room", dusty_room());
+    let dusty = ("dusty room", ray_tracing_nodes_room());
     [cornell, materials, ("everything", everything()), behind("frosted pane"), behind("waves"), dusty]
 }
 

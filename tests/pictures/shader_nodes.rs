@@ -120,7 +120,7 @@ fn all_node_outputs_on_surfaces_match_cycles() {
 }
 
 /// A room whose materials all use ambient occlusion and bevel nodes.
-pub fn dusty_room() -> Scene {
+pub fn ray_tracing_nodes_room() -> Scene {
     let text = "[camera]\nlook_from = [0.5, 1.5, 3]\nlook_at = [0, 0.4, 0]\n[environment]\nbackground = [1, 1, 1]\n\
         [materials.worn]\ntype = \"nodes\"\nsurface = \"surface\"\n[materials.worn.nodes]\n\
         occlusion = { type = \"ambient_occlusion\", samples = 5, distance = 0.8 }\n\

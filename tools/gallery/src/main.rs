@@ -15,8 +15,8 @@
 
 mod entries;
 mod publish;
+mod render;
 mod sheet;
-mod shoot;
 mod table;
 
 use entries::{ENTRIES, Entry, HERO, PHYSICS, THREADS};
@@ -24,7 +24,7 @@ use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use oscura::error::{Error, Result};
 use oscura::output::{Format, encode_rgb8, write_atomically};
-use shoot::{Quality, Shot, srgb_byte};
+use render::{Quality, Shot, srgb_byte};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use table::{Row, Threads};
@@ -99,7 +99,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     let quality = arguments.quality;
     let (mut rows, mut tiles) = (Vec::new(), Vec::new());
     for entry in &arguments.entries {
-        let shot = Shot::take(&scenes().join(entry.scene), quality)?;
+        let shot = Shot::render(&scenes().join(entry.scene), quality)?;
         eprintln!("{}: {:.1} s", entry.name(), shot.render_s);
         shot.write(folder, entry.name())?;
         if entry.name() == HERO {
@@ -137,7 +137,8 @@ fn run(arguments: &Arguments) -> Result<()> {
 /// The same scene with one thread and with all.
 fn compare_threads(quality: Quality) -> Result<Threads> {
     let many = quality.threads.or(std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1);
-    let shoot = |threads| Shot::take(&scenes().join(THREADS), Quality { threads: Some(threads), ..quality });
+    let shoot =
+        |threads| Shot::render(&scenes().join(THREADS), Quality { threads: Some(threads), ..quality });
     let (one, all) = (shoot(1)?, shoot(many)?);
     let bits = |shot: &Shot, x, y| shot.picture.film().mean_rgba(x, y).map(f32::to_bits);
     let (w, h) = (one.picture.film().width(), one.picture.film().height());

@@ -1,6 +1,6 @@
 //! The contact sheet: thumbnails of all pictures, with labels.
 
-use crate::shoot::Shot;
+use crate::render::Shot;
 use font8x8::legacy::BASIC_LEGACY;
 use image::{Rgb, RgbImage};
 

@@ -1,7 +1,7 @@
 //! A table of render times.
 
 use crate::entries::Entry;
-use crate::shoot::Shot;
+use crate::render::Shot;
 use std::fmt::Write;
 
 /// Statistics of a picture.

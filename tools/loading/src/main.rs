@@ -8,7 +8,7 @@
 //! oscura-loading --stages FILE       load, validate, compile: seconds and bytes per triangle
 //! ```
 
-mod alone;
+mod parsers;
 mod stages;
 
 use oscura::load::{LoadOptions, load};
@@ -64,8 +64,8 @@ fn one(reader: &str, file: &Path) -> Result<(), String> {
     let start = Instant::now();
     let result = match reader {
         "copy" => std::fs::read(file).map_err(|e| e.to_string())?.len() as u64,
-        "ply-rs" => alone::ply(file)?,
-        "tobj" => alone::obj(file)?,
+        "ply-rs" => parsers::ply(file)?,
+        "tobj" => parsers::obj(file)?,
         _ => {
             let scene = load(file, &LoadOptions::default()).map_err(|e| e.to_string())?.scene;
             let seconds = start.elapsed().as_secs_f64();

@@ -44,11 +44,11 @@ impl Shot {
     ///
     /// # Errors
     /// Errors and warnings of loading and compiling: the scenes of the gallery have none.
-    pub fn take(path: &Path, quality: Quality) -> Result<Shot> {
-        in_pool(quality.threads, || Shot::take_here(path, quality))?
+    pub fn render(path: &Path, quality: Quality) -> Result<Shot> {
+        in_pool(quality.threads, || Shot::render_in_pool(path, quality))?
     }
 
-    fn take_here(path: &Path, quality: Quality) -> Result<Shot> {
+    fn render_in_pool(path: &Path, quality: Quality) -> Result<Shot> {
         let start = Instant::now();
         let loaded = oscura::load(path)?;
         let ([width, height], samples) = size_and_samples(&loaded.scene, quality, path)?;
