@@ -70,7 +70,10 @@ fn invalid_tables_are_reported_with_their_lines() {
         .unwrap();
     let output = run(folder, &["render", "scenes/sheet.toml", "-o", "a.png"], 3);
     let messages = stderr(&output);
-    assert!(messages.contains("sheet.toml:14") && messages.contains("line 20: 'zero'"), "{messages}");
+    assert!(
+        messages.contains("sheet.toml:14") && messages.contains("line 20: expected a number, not 'zero'"),
+        "{messages}"
+    );
 
     std::fs::write(folder.join("scenes/sheet.toml"), SCENE.replace("negative.csp", "agxx")).unwrap();
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
