@@ -98,6 +98,12 @@ const fn offsets<const CELLS: usize>(side: usize) -> Offsets<CELLS> {
     offsets
 }
 
+/// Offset to cell `k` of those up to 1 away.
+#[inline(always)]
+fn adjacent<const N: usize>(k: usize) -> [i32; N] {
+    std::array::from_fn(|i| ADJACENT[i][k])
+}
+
 /// Computes the distances to the two nearest feature points, and the offsets to their cells.
 struct Nearest<'a, const N: usize> {
     voronoi: &'a Voronoi,
@@ -120,7 +126,7 @@ impl<const N: usize> simd::Kernel for Nearest<'_, N> {
                 found[1] = (distance, k);
             }
         }
-        found.map(|(distance, k)| (distance, std::array::from_fn(|i| ADJACENT[i][k])))
+        found.map(|(distance, k)| (distance, adjacent(k)))
     }
 }
 
@@ -334,8 +340,7 @@ impl Voronoi {
         let (cell, local) = split(p);
         let nearest_to = |from: [f32; N], cell: [f32; N], skip_own: bool| {
             let (mut minimum, mut found) = (8.0f32, ([0.0; N], [0; N]));
-            for k in 0..3usize.pow(N as u32) {
-                let offset = std::array::from_fn(|i| ADJACENT[i][k]);
+            for offset in (0..3usize.pow(N as u32)).map(adjacent::<N>) {
                 if skip_own && offset == [0; N] {
                     continue;
                 }
