@@ -290,7 +290,7 @@ fn inconsistent_headers_are_refused() {
     };
     assert_eq!(with(&|_| ()), None);
     let large = |head: &mut serde_json::Value| {
-        head["finish"]["behind"] = serde_json::json!({ "Picture": [1u32 << 30, 1u32 << 30] });
+        head["output"]["background"] = serde_json::json!({ "Picture": [1u32 << 30, 1u32 << 30] });
     };
     assert_eq!(with(&large), Some("part-damaged"));
     for name in ["ключ", "", "a.b", "two words"] {
